@@ -1,6 +1,6 @@
-//! Every kernel on a rope's surface: a coiled tube of radius 4.2 mm, one point per 0.4 x 0.4 mm of it.
+//! Every kernel on a rope's surface: a coiled tube of radius 4.2 mm, with one point on each 0.4 x 0.4 mm.
 //!
-//! `cargo bench --bench kernels`, or a part of it: `cargo bench --bench kernels -- --quick normals/10000`.
+//! `cargo bench --bench kernels`, or some of it: `cargo bench --bench kernels -- --quick normals/10000`.
 
 mod random;
 mod rope;
@@ -45,7 +45,7 @@ fn normals(criterion: &mut Criterion) {
     bench(criterion, "normals/radius", |rope| estimate_normals(&rope.points, radius, camera));
 }
 
-/// Three updates of the pose from a start that is 0.4 mm off.
+/// Times three updates of the pose from a start that is 0.4 mm off.
 fn registration(criterion: &mut Criterion) {
     let options = IcpOptions {
         start: RigidMotion { translation: Vector3::new(2e-4, -2e-4, 3e-4), ..RigidMotion::identity() },

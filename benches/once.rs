@@ -1,6 +1,6 @@
 //! One kernel on one cloud, for profiles and instruction counts: `once KERNEL POINTS TIMES [THREADS]`.
 //!
-//! Prints the least milliseconds of all times; none for no times, which is what the cloud alone takes.
+//! Prints the least time of all runs, milliseconds. With 0 times it only makes the cloud and prints nothing.
 
 mod random;
 
@@ -17,12 +17,12 @@ use strand::{
 
 use random::generator;
 
-/// Of the rope, metres.
+/// Radius of the rope, metres.
 const RADIUS: f64 = 0.0042;
-/// Between points of its surface, metres.
+/// Distance between points of its surface, metres.
 const SPACING: f64 = 0.0004;
 
-/// The upper side of a rope in a wave on a table, with noise of about 0.3 mm, in order along it.
+/// Makes the upper side of a rope in a wave on a table, with noise of about 0.3 mm, in order along it.
 fn rope(count: usize, mut random: impl FnMut() -> f64) -> Vec<Point> {
     let across = (PI * RADIUS / SPACING).round() as usize;
     let wave = TAU / 0.5;

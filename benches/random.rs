@@ -1,6 +1,6 @@
-//! What the benches draw at random.
+//! Random numbers for the benches.
 
-/// Numbers in [0, 1), the same in every run (splitmix64, Steele et al. 2014).
+/// Makes a generator of numbers in [0, 1), the same in every run (splitmix64, Steele et al. 2014).
 pub fn generator(seed: u64) -> impl FnMut() -> f64 {
     let mut state = seed;
     move || {

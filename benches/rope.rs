@@ -1,18 +1,18 @@
-//! A depth camera's cloud of a rope, made for measuring.
+//! A depth camera's cloud of a rope, for benchmarks.
 
 use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
 use strand::Point;
 
-/// Of the rope, metres.
+/// Radius of the rope, metres.
 pub const RADIUS: f64 = 0.0042;
-/// Of the surface that belongs to one point, square metres.
+/// Area of the surface for each point, square metres.
 const PATCH: f64 = 0.0004 * 0.0004;
-/// Radius and rise per turn of the coil, metres.
+/// Radius of the coil, and its rise for each turn, metres.
 const COIL: (f64, f64) = (0.1, 0.03);
 
-/// A depth camera's cloud of a rope, and where each point would be on the axis.
+/// A depth camera's cloud of a rope, and the axis point of each point.
 pub struct Rope {
     pub points: Vec<Point>,
     pub normals: Vec<Point>,
@@ -20,7 +20,7 @@ pub struct Rope {
 }
 
 impl Rope {
-    /// Points anywhere on the surface, in no order, with 0.1 mm of noise along the normal.
+    /// Makes points anywhere on the surface, in random order, with 0.1 mm of noise along the normal.
     pub fn new(count: usize, mut random: impl FnMut() -> f64) -> Self {
         let length = count as f64 * PATCH / (TAU * RADIUS);
         let (radius, rise) = (COIL.0, COIL.1 / TAU);

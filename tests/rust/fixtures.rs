@@ -1,4 +1,4 @@
-//! Clouds and rigid motions that the tests of the kernels share.
+//! Clouds and rigid motions that several tests of the kernels use.
 #![allow(dead_code)] // every test binary uses a part of them
 
 use std::f64::consts::TAU;
@@ -8,10 +8,10 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use strand::{Point, RigidMotion};
 
-/// Far from the origin, in metres, and exact in binary with all multiples of 1/8 near it.
+/// A place far from the origin, metres; nearby multiples of 1/8 are exact in binary.
 pub const FAR_AWAY: Point = [1e5, -2e5, 3e5];
 
-/// The same `cases` in every run.
+/// Configures proptest with the same `cases` in every run.
 pub fn cases(cases: u32) -> ProptestConfig {
     ProptestConfig {
         cases,
@@ -21,8 +21,8 @@ pub fn cases(cases: u32) -> ProptestConfig {
     }
 }
 
-/// Points as depth cameras and careless callers make them: on a lattice (with duplicates, and distances that
-/// are exactly a radius), on a plane, on a line, anywhere, and far out; some clouds far from the origin.
+/// Makes points as depth cameras and careless callers do: on a lattice (with duplicates, and distances that equal a
+/// radius), on a plane, on a line, anywhere, and far out. Some clouds are far from the origin.
 pub fn any_cloud(most: usize) -> impl Strategy<Value = Vec<Point>> {
     let lattice = prop::array::uniform3(-4i32..4).prop_map(|p| p.map(|x| f64::from(x) * 0.5));
     let plane = (-16i32..16, -16i32..16).prop_map(|(x, y)| [f64::from(x) * 0.125, f64::from(y) * 0.125, 0.5]);
@@ -34,12 +34,12 @@ pub fn any_cloud(most: usize) -> impl Strategy<Value = Vec<Point>> {
     (prop::collection::vec(point, 0..most), origin).prop_map(|(points, origin)| shifted(&points, origin))
 }
 
-/// Points in general position: no two distances are equal.
+/// Makes points in general position: no two distances are equal.
 pub fn free_cloud(least: usize, most: usize) -> impl Strategy<Value = Vec<Point>> {
     prop::collection::vec(prop::array::uniform3(-1.0f64..1.0), least..most)
 }
 
-/// A number and the cloud's points in another order: index i of the second is index `order[i]` of the first.
+/// Returns a random order of `count` indices.
 pub fn order(seed: u64, count: usize) -> Vec<usize> {
     let mut random = Random(seed);
     let mut order: Vec<usize> = (0..count).collect();
@@ -49,12 +49,12 @@ pub fn order(seed: u64, count: usize) -> Vec<usize> {
     order
 }
 
-/// Any rotation, and a shift of some metres.
+/// Makes any rotation and a shift of some metres.
 pub fn any_motion() -> impl Strategy<Value = RigidMotion> {
     (prop::array::uniform3(-2.0f64..2.0), prop::array::uniform3(-5.0f64..5.0)).prop_map(|(w, t)| motion(w, t))
 }
 
-/// The rotation about the axis and by the angle of `rotation`, then a shift.
+/// Makes the motion that rotates by a rotation vector and then shifts.
 pub fn motion(rotation: Point, translation: Point) -> RigidMotion {
     RigidMotion {
         rotation: Rotation3::new(Vector3::from(rotation)).into_inner(),
@@ -87,7 +87,7 @@ pub fn distance(a: Point, b: Point) -> f64 {
     (Vector3::from(a) - Vector3::from(b)).norm()
 }
 
-/// Sine of the angle between two unit vectors, without regard to their signs.
+/// Returns the sine of the angle between two unit vectors, regardless of their signs.
 pub fn sine_between(a: Point, b: Point) -> f64 {
     Vector3::from(a).cross(&Vector3::from(b)).norm()
 }
@@ -96,7 +96,7 @@ pub fn sine_between(a: Point, b: Point) -> f64 {
 pub struct Random(pub u64);
 
 impl Random {
-    /// In [0, 1).
+    /// Returns a number in [0, 1).
     pub fn uniform(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut bits = self.0;
@@ -105,13 +105,13 @@ impl Random {
         ((bits ^ (bits >> 31)) >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// In a cube of side 2 about the origin.
+    /// Returns a point in a cube of side 2 around the origin.
     pub fn point(&mut self) -> Point {
         std::array::from_fn(|_| 2.0 * self.uniform() - 1.0)
     }
 }
 
-/// Points and outward normals of a tube of radius 1 about the x axis, `length` long.
+/// Makes points and outward normals of a tube of radius 1 about the x axis, `length` long.
 pub fn tube(count: usize, length: f64, seed: u64) -> (Vec<Point>, Vec<Point>) {
     let mut random = Random(seed);
     (0..count)
@@ -122,7 +122,7 @@ pub fn tube(count: usize, length: f64, seed: u64) -> (Vec<Point>, Vec<Point>) {
         .unzip()
 }
 
-/// Points of a smooth surface with no symmetry, about 2 x 2, and their unit normals.
+/// Makes points and unit normals of a smooth surface without symmetry, about 2 x 2.
 pub fn hills(count: usize, seed: u64) -> (Vec<Point>, Vec<Point>) {
     let mut random = Random(seed);
     (0..count)

@@ -1,13 +1,12 @@
-//! Every kernel against brute force on clouds as nasty as they come, from seeds: scales from 1e-9 to 1e12, far from the
-//! origin, points that pile up, lattices whose distances are just a radius, outliers, and radii below what tells two
-//! coordinates apart or above all distances.
+//! Every kernel against brute force on difficult random clouds: scales from 1e-9 to 1e12, far from the origin, with
+//! points that pile up, lattice distances equal to a radius, outliers, and radii below rounding or above all distances.
 //!
-//! A seeded generator of its own, as proptest keeps too much of large clouds to draw hundreds a second. A few seconds run
-//! with the other tests. For hours, with other seeds:
+//! The generator is seeded and its own, because proptest is too slow for hundreds of large clouds a second. A few
+//! seconds run with the other tests. For hours, with other seeds:
 //!
 //! `STRAND_FUZZ_SECONDS=3600 STRAND_FUZZ_SEED=7 cargo test --release --test kernels fuzz -- --nocapture`
 //!
-//! A failure names its seed; add that to `FOUND`, which is always run.
+//! A failure names its seed. Add it to `FOUND`; those seeds always run.
 
 use std::time::{Duration, Instant};
 
@@ -21,20 +20,20 @@ use crate::fixtures::{Random, sine_between};
 
 /// Seeds that once failed.
 const FOUND: [u64; 9] = [3, 115, 124, 222, 228, 1_000_000_024, 1_000_000_029, 1_000_000_306, 7_000_005_269];
-/// Seeds that are run in any case, so that a slow machine tests something.
+/// Seeds that always run, so that a slow machine tests something.
 const FEWEST: u64 = 200;
 const SECONDS: f64 = 2.0;
-/// Of so many clouds one is so large that its cells are crowded; some of its points are compared.
+/// One of this many clouds is so large that its cells are crowded; some of its points are compared.
 const LARGE_EVERY: u64 = 190;
 const LARGE: usize = 20_000;
 const COMPARED: usize = 40;
 
-/// A cloud, what is asked of it, and which of its points are compared.
+/// A cloud, the arguments of its kernels, and the points that are compared.
 struct Case {
     points: Vec<Point>,
     normals: Vec<Point>,
     radius: f64,
-    /// What a coordinate may be off by.
+    /// Largest error of a coordinate.
     rounding: f64,
     k: usize,
     wanted: usize,
@@ -45,12 +44,12 @@ fn below(random: &mut Random, count: usize) -> usize {
     ((random.uniform() * count as f64) as usize).min(count - 1)
 }
 
-/// 10 to a power between two.
+/// Returns ten to a random power between two.
 fn power(random: &mut Random, low: f64, high: f64) -> f64 {
     10f64.powf(low + (high - low) * random.uniform())
 }
 
-/// A cloud of size about 1, of several layouts, each of a part of the points.
+/// Makes a cloud of size about 1 from several layouts.
 fn layouts(random: &mut Random, count: usize) -> Vec<Point> {
     let mut points: Vec<Point> = Vec::with_capacity(count);
     while points.len() < count {
@@ -107,7 +106,7 @@ fn case(seed: u64) -> Case {
     }
     let largest = points.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
     let radius = match below(&mut random, 8) {
-        // just a distance
+        // exactly at the distance
         0 | 1 => {
             let (i, j) = (below(&mut random, count), below(&mut random, count));
             let d = squared(points[i], points[j]).sqrt();
@@ -132,7 +131,7 @@ fn squared(a: Point, b: Point) -> f64 {
     d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
 }
 
-/// Compares a normal and its surface variation with those of the neighbours.
+/// Compares a normal and its surface variation with brute force.
 fn compare_normal(normal: Point, variation: f64, near: &[Point]) {
     let first = near[0];
     let relative: Vec<Vector3<f64>> = near.iter().map(|&q| Vector3::from(q) - Vector3::from(first)).collect();
@@ -151,8 +150,8 @@ fn compare_normal(normal: Point, variation: f64, near: &[Point]) {
     let [low, middle, high] = columns.map(|i| eigen.eigenvalues[i].max(0.0));
     let length = Vector3::from(normal).norm();
     assert!(length == 0.0 || (length - 1.0).abs() < 1e-12);
-    // what rounding leaves of sums about a place in the neighbourhood decides in between, and where most points are in
-    // one place of a large neighbourhood
+    // in between, rounding in sums about a place in the neighbourhood decides, and where most points of a large
+    // neighbourhood coincide
     let lost = 1e-13 / high;
     if middle <= 1e-15 * high {
         assert_eq!(length, 0.0, "a line");
@@ -167,7 +166,7 @@ fn compare_normal(normal: Point, variation: f64, near: &[Point]) {
     }
 }
 
-/// Compares all kernels with brute force; gives how many answers for single points were compared.
+/// Compares all kernels with brute force; returns how many answers for single points it compared.
 fn run(seed: u64) -> usize {
     let Case { points, normals, radius, rounding, k, wanted, compared } = case(seed);
     let camera = Viewpoints::One([0.3, -0.2, 5.0]);
@@ -195,7 +194,7 @@ fn run(seed: u64) -> usize {
             let by = |a: &Point, b: &Point| squared(*a, points[i]).total_cmp(&squared(*b, points[i]));
             sorted.select_nth_unstable_by(k - 1, by);
             let last = squared(sorted[k - 1], points[i]);
-            // of several as far as the last, those in one place are alike
+            // of several points at the last distance, those that coincide are equal
             let mut as_far = points.iter().filter(|p| squared(**p, points[i]) == last);
             let one = as_far.next();
             if as_far.all(|p| Some(p) == one) {
@@ -221,7 +220,7 @@ fn run(seed: u64) -> usize {
 
 /// Compares the first pairs of a registration.
 fn compare_pairs(points: &[Point], compared: &[usize], radius: f64) -> usize {
-    // each second to all others: some coincide
+    // every second point with all others: some coincide
     let (source, target): (Vec<Point>, Vec<Point>) = (
         compared.iter().step_by(2).map(|&i| points[i]).collect(),
         points.iter().skip(1).step_by(2).chain(points.iter().take(1)).copied().collect(),
@@ -241,7 +240,7 @@ fn compare_pairs(points: &[Point], compared: &[usize], radius: f64) -> usize {
     source.len()
 }
 
-/// Checks what holds of all chains.
+/// Checks invariants of all chains.
 fn compare_chains(points: &[Point], compared: &[usize], far: f64, seed: u64) -> usize {
     let near = far * [0.01, 0.3, 0.5, 0.9][(seed % 4) as usize];
     if near <= 0.0 || near >= far {
@@ -265,7 +264,7 @@ fn compare_chains(points: &[Point], compared: &[usize], far: f64, seed: u64) -> 
     compared.len()
 }
 
-/// Tubes have no brute force: what they give is finite.
+/// Checks that traced tubes are finite; they have no brute force.
 fn trace(seed: u64) {
     let Case { points, radius, .. } = case(seed);
     for arc in trace_tubes(&points, Viewpoints::One([0.3, -0.2, 5.0]), radius, 4).unwrap() {

@@ -24,13 +24,13 @@ fn small_motion() -> impl Strategy<Value = RigidMotion> {
         .prop_map(|(w, t)| motion(w, t))
 }
 
-/// Largest distance between where two motions put the points.
+/// Returns the largest distance between the points as two motions move them.
 pub fn apart(points: &[Point], a: &RigidMotion, b: &RigidMotion) -> f64 {
     points.iter().map(|&p| distance(a.apply(p), b.apply(p))).fold(0.0, f64::max)
 }
 
-/// Pairs of a moved source point and its nearest target point within reach, with the share of points that
-/// have one and their root mean square distance.
+/// Pairs moved source points with their nearest target points within reach; also returns the share of points with a
+/// pair and the root mean square distance.
 fn paired(
     source: &[Point],
     target: &[Point],
@@ -57,7 +57,7 @@ fn mean(points: impl ExactSizeIterator<Item = Point>) -> Vector3<f64> {
     points.map(Vector3::from).sum::<Vector3<f64>>() / count
 }
 
-/// Least squares between paired points by unit quaternions (Horn 1987).
+/// Solves for the motion of least squares between paired points by unit quaternions (Horn 1987).
 fn step_to_points(pairs: &[(Point, usize)], target: &[Point]) -> RigidMotion {
     let from = mean(pairs.iter().map(|pair| pair.0));
     let to = mean(pairs.iter().map(|pair| target[pair.1]));
@@ -79,7 +79,7 @@ fn step_to_points(pairs: &[(Point, usize)], target: &[Point]) -> RigidMotion {
     RigidMotion { rotation, translation: to - rotation * from }
 }
 
-/// Least squares of the linearised distances to planes, by the singular value decomposition of all equations.
+/// Solves for the motion of least squares of linearised distances to planes, by the singular value decomposition.
 fn step_to_planes(pairs: &[(Point, usize)], target: &[Point], normals: &[Point]) -> RigidMotion {
     let center = mean(pairs.iter().map(|pair| pair.0));
     let equations = DMatrix::from_fn(pairs.len(), 6, |row, column| {
@@ -116,7 +116,7 @@ proptest! {
             let (pairs, fitness, rmse) = paired(&source, &target, &pose, reach);
             let limits = IcpOptions { start, max_iterations: iterations, tolerance: 0.0, ..options(reach) };
             let found = icp(&source, &target, objective, &limits).unwrap();
-            // unless the poses repeat themselves to the last bit
+            // unless the pose repeats to the last bit
             prop_assert!(found.iterations == iterations || found.stop == Stop::Tolerance);
             prop_assert!(apart(&source, &found.transformation, &pose) < 1e-9);
             prop_assert!((found.fitness - fitness).abs() < 1e-12);
@@ -139,13 +139,13 @@ proptest! {
     fn known_motions_are_recovered(truth in small_motion(), by_planes: bool, far: bool, seed: u64) {
         let (local, normals) = hills(600, seed);
         let target = if far { shifted(&local, FAR_AWAY) } else { local };
-        // a small turn about the cloud, wherever it is
+        // a small turn about the cloud's own place
         let center = if far { FAR_AWAY } else { [0.0; 3] };
         let shift = Vector3::from(center) - truth.rotation * Vector3::from(center) + truth.translation;
         let truth = RigidMotion { translation: shift, ..truth };
         let source = moved(&target, &inverse(&truth));
         let objective = if by_planes { Objective::PointToPlane(&normals) } else { Objective::PointToPoint };
-        // coordinates of 3e5 m have steps of 6e-11 m
+        // coordinates of 3e5 m have a resolution of 6e-11 m
         let lost = if far { 1e-9 } else { 1e-12 };
         let limits = IcpOptions { max_iterations: 200, tolerance: lost, ..options(0.5) };
         let found = icp(&source, &target, objective, &limits).unwrap();
@@ -194,7 +194,7 @@ proptest! {
         let pose = RigidMotion { translation, ..small.transformation };
         prop_assert!(same(&small, &pose, unit));
 
-        // a point-to-plane step's angles are about the frame's axes, so only its limit is the same everywhere
+        // the angles of a point-to-plane step are about the frame's axes, so only its limit is equal in all frames
         if !by_planes {
             let turned = run(&moved(&source, &frame), &moved(&target, &frame), &normals, &limits);
             let pose = inverse(&frame).after(&turned.transformation.after(&frame));
@@ -208,7 +208,7 @@ fn far_from_the_origin_nothing_is_lost() {
     let (target, normals) = hills(3000, 21);
     let (other, _) = hills(2000, 22);
     let source = moved(&other, &motion([0.02, -0.01, 0.03], [0.01, 0.02, -0.01]));
-    // rounded to the raster of coordinates far away, so that both clouds are exactly the same
+    // rounded to the resolution of far coordinates, so that both clouds are exactly equal
     let rounded = |points: &[Point]| -> Vec<Point> {
         points.iter().map(|p| p.map(|x| (x * 2f64.powi(30)).round() / 2f64.powi(30))).collect()
     };
@@ -291,10 +291,10 @@ fn a_pair_as_far_apart_as_the_limit_counts() {
 fn pairs_that_are_kept_from_pose_to_pose_are_those_of_a_new_search() {
     let (sparse, _) = hills(300, 93);
     let (mut dense, _) = hills(3000, 94);
-    // and more points in one place than are kept of a point's surroundings
+    // more coincident points than are kept of a point's surroundings
     dense.extend(vec![dense[7]; 20]);
     for (source, target) in [(&sparse, &dense), (&dense, &sparse)] {
-        // many points have no partner in reach, and gain or lose it on the way
+        // many points have no partner in reach, and gain or lose one during the iterations
         for reach in [0.03, 0.3] {
             let limits =
                 IcpOptions { start: motion([0.02, -0.03, 0.02], [0.05, 0.04, 0.02]), ..options(reach) };

@@ -12,7 +12,7 @@ use strand::{Error, Neighbors, Point, Viewpoints, estimate_normals};
 
 const ORIGIN: Viewpoints = Viewpoints::One([0.0; 3]);
 
-/// Ascending eigenvalues of a neighbourhood's covariance, and the eigenvector of the least.
+/// Returns the ascending eigenvalues of a neighbourhood's covariance, and the eigenvector of the least.
 fn principal(neighbors: &[Point]) -> ([f64; 3], Point) {
     let first = Vector3::from(neighbors[0]);
     let relative: Vec<Vector3<f64>> = neighbors.iter().map(|&q| Vector3::from(q) - first).collect();
@@ -30,7 +30,7 @@ fn within(points: &[Point], center: Point, radius: f64) -> Vec<Point> {
     points.iter().copied().filter(|&q| distance(q, center) <= radius).collect()
 }
 
-/// The k nearest points, or none where the k-th is not alone at its distance.
+/// Returns the k nearest points; None if the k-th shares its distance with another.
 fn nearest(points: &[Point], center: Point, k: usize) -> Option<Vec<Point>> {
     let mut sorted = points.to_vec();
     sorted.sort_by(|&a, &b| distance(a, center).total_cmp(&distance(b, center)));
@@ -43,7 +43,7 @@ fn nearest(points: &[Point], center: Point, k: usize) -> Option<Vec<Point>> {
 fn agree(normal: Point, variation: f64, neighbors: &[Point]) -> Result<(), TestCaseError> {
     let length = Vector3::from(normal).norm();
     let ([low, middle, high], expected) = principal(neighbors);
-    // between these two, rounding decides whether the neighbours are on a line
+    // between these two limits, rounding decides whether the neighbours are on a line
     let line = neighbors.len() < 3 || middle <= 1e-14 * high;
     if line {
         prop_assert_eq!(normal, [0.0; 3]);
@@ -51,7 +51,7 @@ fn agree(normal: Point, variation: f64, neighbors: &[Point]) -> Result<(), TestC
     } else if middle > 1e-10 * high {
         prop_assert!((length - 1.0).abs() < 1e-12);
         prop_assert!((variation - (low / (low + middle + high)).max(0.0)).abs() < 1e-9);
-        // a normal is as certain as its eigenvalue is apart from the next
+        // a normal is as certain as the gap between its eigenvalue and the next is large
         let certain = (middle - low) / high;
         prop_assert!(sine_between(normal, expected) <= 1e-12 / certain.max(1e-13));
     }
@@ -141,7 +141,7 @@ proptest! {
                 prop_assert!((turned.variation[i] - found.variation[i]).abs() < 1e-12);
                 compared += 1;
             }
-            // a small cloud may have no three points within the radius
+            // a small cloud may not have three points within the radius
             prop_assert!(compared > 0 || neighbors == Neighbors::Within(0.6) && points.len() < 40);
         }
     }
@@ -199,7 +199,7 @@ fn a_sphere_has_radial_normals() {
     let count = 4000;
     let sphere: Vec<Point> = (0..count)
         .map(|i| {
-            // golden angle from pole to pole
+            // golden angle, from pole to pole
             let z = 1.0 - (2 * i + 1) as f64 / count as f64;
             let angle = i as f64 * TAU * 0.618_033_988_749_895;
             let ring = (1.0 - z * z).sqrt();
@@ -212,7 +212,7 @@ fn a_sphere_has_radial_normals() {
         for (n, p) in found.normals.iter().zip(&sphere) {
             assert!(distance(*n, *p) < 1f64.to_radians(), "{n:?} at {p:?}");
         }
-        // points inside see the other side
+        // points inside see the opposite side
         let inside = estimate_normals(&sphere, neighbors, ORIGIN).unwrap();
         assert!(inside.normals.iter().zip(&found.normals).all(|(a, b)| a.map(|x| -x) == *b));
     }
@@ -282,7 +282,7 @@ fn many_coincident_points_among_others_are_no_trouble() {
     assert!(found.normals[300..].iter().filter(|n| distance(**n, [0.0, 0.0, 1.0]) < 1e-12).count() > 90);
 }
 
-/// The argument that is refused.
+/// Returns the name of the refused argument.
 fn refused(points: &[Point], neighbors: Neighbors, viewpoints: Viewpoints) -> &'static str {
     match estimate_normals(points, neighbors, viewpoints) {
         Err(Error::InvalidArgument { name, .. }) => name,

@@ -1,5 +1,5 @@
-//! Every kernel's answer is the same bits for any number of threads. Alone in its binary: the number of
-//! threads belongs to the process.
+//! Answers of every kernel are equal bit for bit for any number of threads. This test has a binary of its own, because
+//! the number of threads belongs to the process.
 
 mod fixtures;
 
@@ -9,7 +9,7 @@ use strand::{
     estimate_normals, icp, num_threads, radius_outlier_mask, set_num_threads, trace_chains,
 };
 
-/// All numbers that the kernels give for one cloud, as bits.
+/// Returns the bits of all numbers that the kernels return for one cloud.
 fn answers(surface: &[Point], normals: &[Point]) -> Vec<u64> {
     let mut bits = Vec::new();
     let mut numbers = |values: &[f64]| bits.extend(values.iter().map(|x| x.to_bits()));
@@ -43,7 +43,7 @@ fn answers(surface: &[Point], normals: &[Point]) -> Vec<u64> {
         numbers(&[found.fitness, found.inlier_rmse, found.iterations as f64]);
     }
 
-    // a lattice, all of whose distances are tied, so far apart for the dense points beside it that the tree is asked
+    // a lattice with tied distances, so sparse beside the dense points that the tree finds its neighbours
     let grid = |count: u32, spacing: f64, start: f64| {
         (0..count * count * count).map(move |i| {
             [i / (count * count), i / count % count, i % count].map(|k| start + spacing * f64::from(k))
@@ -71,7 +71,7 @@ fn answers(surface: &[Point], normals: &[Point]) -> Vec<u64> {
 fn answers_are_the_same_bits_for_any_number_of_threads() {
     let (mut surface, mut normals) = tube(8000, 16.0, 1);
     let mut random = Random(2);
-    // some in one place, some off the surface
+    // some points coincide, some are off the surface
     for _ in 0..300 {
         let p = random.point();
         surface.extend([surface[0], [16.0 * p[0].abs(), 3.0 * p[1], 3.0 * p[2]]]);
@@ -85,7 +85,7 @@ fn answers_are_the_same_bits_for_any_number_of_threads() {
         assert!(threads == 0 || num_threads() == threads);
         assert!(answers(&surface, &normals) == expected, "{threads} threads");
     }
-    // more than any machine has is no request for as many
+    // a number above the largest allowed is reduced to it
     set_num_threads(usize::MAX);
     assert!(num_threads() <= 256);
 }

@@ -1,4 +1,4 @@
-//! Tubes traced and fitted, against simulated half-shells with known axes and poses.
+//! Traced and fitted tubes against simulated half-shells with known axes and poses.
 
 use strand::{
     EndObservation, Error, Point, Residual, RigidMotion, Spline, Tube, TubeFit, TubeFitOptions, TubeView,
@@ -7,7 +7,7 @@ use strand::{
 
 const RADIUS: f64 = 0.004;
 
-/// A wave in the plane z = 0.
+/// Returns a point and a direction of a wave in the plane z = 0.
 fn axis(x: f64) -> (Point, Point) {
     let (height, rate) = (0.02, 25.0);
     let slope = height * rate * (rate * x).cos();
@@ -15,7 +15,7 @@ fn axis(x: f64) -> (Point, Point) {
     ([x, height * (rate * x).sin(), 0.0], [1.0 / length, slope / length, 0.0])
 }
 
-/// Points of the tube about the wave that face a camera.
+/// Returns points of the tube about the wave that face a camera.
 fn half_shell(camera: Point) -> Vec<Point> {
     let mut points = Vec::new();
     for i in 0..700 {
@@ -71,7 +71,7 @@ fn a_joint_fit_finds_poses_radius_and_axis() {
         };
         RigidMotion::from_rows(&rows).unwrap()
     };
-    // what is reported is off by the motion that the fit has to find
+    // the reported pose is off by the motion that the fit must find
     let clouds: Vec<Vec<Point>> = (0..3)
         .map(|view| {
             let motion = truth(view).to_rows();
@@ -150,14 +150,14 @@ fn each_class_has_a_radius() {
     assert!((fit.radii[0] / 0.003 - 1.0).abs() < 0.01, "{:?}", fit.radii);
     assert!((fit.radii[1] / 0.006 - 1.0).abs() < 0.01, "{:?}", fit.radii);
     assert!(fit.uncertainty.unwrap().radii.iter().all(|&sd| sd > 0.0 && sd < 1e-4));
-    // pieces of one class share its radius
+    // tubes of one class share its radius
     let same = fit_tubes(&views, &[tube(-0.02, 1), tube(-0.02, 1)], &still, &start, &options).unwrap();
     assert!((same.radii[1] - 0.003).abs() < (same.radii[0] - 0.003).abs());
 }
 
 #[test]
 fn a_rope_bends_no_tighter_than_it_may() {
-    // two straight tubes that meet at an angle of 130 degrees, without a bend between
+    // two straight tubes that meet at an angle of 130 degrees, without a bend between them
     let (sin, cos) = 25f64.to_radians().sin_cos();
     let mut points = Vec::new();
     for i in -500..500 {
@@ -243,7 +243,7 @@ fn points_that_count_as_one_widen_deviations_and_nothing_else() {
     }));
     let ratio = |fit: &TubeFit, direction: Point| sd(fit, direction) / sd(&plain, direction);
     let ratios = [&both, &along].map(|fit| [ratio(fit, to_camera), ratio(fit, aside)]);
-    // the prior on the curve has a part, too
+    // the prior on the curve acts too
     assert!(ratios[0].iter().all(|ratio| (2.2..3.05).contains(ratio)), "{ratios:?}");
     assert!((2.2..3.05).contains(&ratios[1][0]) && (0.95..1.2).contains(&ratios[1][1]), "{ratios:?}");
 }

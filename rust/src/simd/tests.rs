@@ -1,4 +1,4 @@
-//! Every set of instructions gives the same bits. `./run check` runs these tests under valgrind as well.
+//! Answers are equal bit for bit for every instruction set. `./run check` also runs these tests under valgrind.
 
 use std::f64::consts::{PI, TAU};
 use std::fmt::Debug;
@@ -14,11 +14,10 @@ use crate::{
     fit_tubes, icp, trace_tubes,
 };
 
-/// Held by the test that says which instructions are used; other tests do not mind.
+/// Locked by the test that selects the instruction set; it does not matter to other tests.
 static CHOOSING: Mutex<()> = Mutex::new(());
 
-/// Asserts that some work gives the same with every set of instructions that the processor has, what every processor
-/// has among them.
+/// Asserts that some work gives equal results with every instruction set of the processor, portable code included.
 fn assert_same_with_each<T: PartialEq>(work: impl Fn() -> T) {
     let _alone = CHOOSING.lock();
     let widest = detected();
@@ -30,13 +29,13 @@ fn assert_same_with_each<T: PartialEq>(work: impl Fn() -> T) {
     }
 }
 
-/// The bits of some numbers.
+/// Returns the bits of some numbers.
 fn bits(numbers: &[f32]) -> Vec<u32> {
     numbers.iter().map(|x| x.to_bits()).collect()
 }
 
 kernel! {
-    /// All operations on eight numbers.
+    /// Applies all operations on eight numbers.
     fn operations_on_eight<S>(simd, a: &Lanes, b: &Lanes) -> Vec<Vec<u32>> {
         let (a, b, two) = (simd.load8(a), simd.load8(b), simd.splat8(2.0));
         let (x, y) = (Three([a, b, a]), Three([b, a, two]));
@@ -65,7 +64,7 @@ kernel! {
 }
 
 kernel! {
-    /// All operations on a batch.
+    /// Applies all operations on a batch.
     fn operations_on_a_batch<S>(simd, a: &Singles, b: &Singles) -> Vec<Vec<u32>> {
         let (x, y) = (simd.load(a), simd.load(b));
         let less = simd.le(x, y);
@@ -108,7 +107,7 @@ fn operations_round_alike() {
     assert_same_with_each(|| operations_on_a_batch(&batch(a, b), &batch(b, b)));
 }
 
-/// The upper side of a tube of radius 1 in a wave, some of its points twice.
+/// Returns the upper side of a tube of radius 1 in a wave, with some points twice.
 fn tube(count: u32) -> Vec<Point> {
     (0..count)
         .map(|i| {
@@ -121,7 +120,7 @@ fn tube(count: u32) -> Vec<Point> {
         .collect()
 }
 
-/// All that the kernels give for a cloud, written out: that tells numbers apart to the last bit.
+/// Writes out all results of the kernels for a cloud, which shows every bit.
 fn answers(points: &[Point]) -> Vec<String> {
     let mut answers = Vec::new();
     let mut note = |answer: &dyn Debug| answers.push(format!("{answer:?}"));
@@ -166,7 +165,7 @@ fn answers(points: &[Point]) -> Vec<String> {
 
 #[test]
 fn kernels_answer_alike() {
-    // more than are sorted in one go
+    // more words than are sorted in one go
     let points = tube(3000);
     assert!(!trace_tubes(&points, Viewpoints::One([0.0, 0.0, 100.0]), 1.0, 4).unwrap().is_empty());
     assert_same_with_each(|| answers(&points));

@@ -1,4 +1,4 @@
-//! When registration stops, when it keeps the start pose, and which arguments it refuses.
+//! When registration stops and when it keeps the start pose; which arguments it refuses.
 
 use super::{apart, options};
 use crate::fixtures::{FAR_AWAY, Random, hills, inverse, motion, moved, scaled, shifted, tube};
@@ -70,7 +70,7 @@ fn a_wide_tolerance_ends_it_after_one_update() {
     assert_eq!((found.iterations, found.stop, found.converged), (1, Stop::Tolerance, true));
 }
 
-/// Asserts that nothing was moved, and why.
+/// Asserts that nothing moved, and why.
 fn assert_kept(found: &IcpResult, start: &RigidMotion, stop: Stop) {
     assert_eq!((found.stop, found.iterations, found.converged), (stop, 0, false));
     assert_eq!(found.transformation, *start);
@@ -112,7 +112,7 @@ fn points_on_a_line_or_in_one_place_leave_the_pose_open() {
     let one = [[0.25, -1.0, 3.0]; 10];
     let found = icp(&shifted(&one, [0.1, 0.0, 0.0]), &one, Objective::PointToPoint, &options(1.0)).unwrap();
     assert_kept(&found, &identity, Stop::Degenerate);
-    // all are nearest to one point of the target
+    // all are nearest to one target point
     let corner = [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0]];
     let around = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1], [0.1, 0.1, 0.1]];
     let found = icp(&around, &corner, Objective::PointToPoint, &options(1.0)).unwrap();
@@ -143,7 +143,7 @@ fn planes_that_let_the_pose_slide_leave_it_open() {
     assert_kept(&found, &RigidMotion::identity(), Stop::Degenerate);
 }
 
-/// The argument that is refused.
+/// Returns the name of the refused argument.
 fn refused(source: &[Point], target: &[Point], objective: Objective, options: &IcpOptions) -> &'static str {
     match icp(source, target, objective, options) {
         Err(Error::InvalidArgument { name, .. } | Error::NotEnoughData { name, .. }) => name,

@@ -1,4 +1,4 @@
-//! Axis points against eq. 16–18 computed by brute force, and on tubes.
+//! Axis points against a brute-force eq. 16–18, and on tubes.
 
 use crate::fixtures::{
     FAR_AWAY, Random, any_cloud, any_motion, cases, distance, free_cloud, moved, order, reordered, scaled,
@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 use strand::{Error, Point, RigidMotion, centerline};
 
-/// Unit vectors, and now and then the zero vector.
+/// Returns unit vectors, and sometimes the zero vector.
 fn some_normals(count: usize, seed: u64) -> Vec<Point> {
     let mut random = Random(seed);
     (0..count)
@@ -19,7 +19,7 @@ fn some_normals(count: usize, seed: u64) -> Vec<Point> {
         .collect()
 }
 
-/// Indices and c̄ of the points that have enough neighbours, relative to `origin`.
+/// Returns the indices and c̄ of the points with enough neighbours, relative to `origin`.
 fn averaged(
     points: &[Point],
     normals: &[Point],
@@ -58,7 +58,7 @@ proptest! {
         prop_assert_eq!(&found.indices, &expected.iter().map(|&(i, _)| i).collect::<Vec<_>>());
         for (&got, &(i, want)) in found.points.iter().zip(&expected) {
             let want = shifted(&[want], origin)[0];
-            // a few steps of the numbers that went in
+            // a few units in the last place of the input
             let largest = points[i].iter().chain(&origin).fold(1.0, |most: f64, x| most.max(x.abs()));
             prop_assert!(distance(got, want) <= 1e-15 * largest, "{got:?} for {want:?}");
         }
@@ -152,7 +152,7 @@ fn coincident_points_and_a_huge_radius_are_answered() {
     assert!(found.points.iter().all(|c| c.iter().all(|x| x.is_finite())));
 }
 
-/// The argument that is refused.
+/// Returns the name of the refused argument.
 fn refused(points: &[Point], normals: &[Point], radius: f64) -> &'static str {
     match centerline(points, normals, radius, 1) {
         Err(Error::InvalidArgument { name, .. }) => name,
@@ -174,7 +174,7 @@ fn wrong_arguments_are_named() {
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e100] {
         assert_eq!(refused(&points, &normals, bad), "radius");
     }
-    // rounded to single precision they are still unit vectors
+    // rounded to single precision, they are still unit vectors
     let rounded: Vec<Point> = normals.iter().map(|n| n.map(|x| f64::from(x as f32))).collect();
     assert!(centerline(&points, &rounded, 1.0, 1).is_ok());
 }

@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 use strand::{Error, Point, trace_chains};
 
-/// Fig. 9–10 as they are told: the nearest target beyond `near` within `far`, from both sides of the base.
+/// Traces as in fig. 9–10: the nearest target beyond `near` within `far`, from both sides of the base.
 fn traced(points: &[Point], near: f64, far: f64, start: Option<usize>) -> Vec<Vec<usize>> {
     let mut targets: Vec<bool> = vec![true; points.len()];
     let center: Point =
@@ -47,7 +47,7 @@ fn traced(points: &[Point], near: f64, far: f64, start: Option<usize>) -> Vec<Ve
     }
 }
 
-/// Asserts what holds of every answer.
+/// Asserts invariants of an answer.
 fn check(points: &[Point], near: f64, far: f64, chains: &[Vec<usize>]) -> Result<(), TestCaseError> {
     let nodes: Vec<usize> = chains.concat();
     for chain in chains {
@@ -109,7 +109,7 @@ proptest! {
     }
 }
 
-/// Points about a curve over [0, 1], in random order, with the parameter of each.
+/// Returns points about a curve over [0, 1], in random order, with the parameter of each.
 fn scattered(curve: impl Fn(f64) -> Point, count: usize, scatter: f64, seed: u64) -> (Vec<Point>, Vec<f64>) {
     let mut random = Random(seed);
     (0..count)
@@ -137,7 +137,7 @@ fn rises(values: &[f64]) -> bool {
     values.windows(2).all(|pair| pair[0] < pair[1])
 }
 
-/// The parameters of a chain's nodes, turned so that they rise.
+/// Returns the parameters of a chain's nodes in ascending direction.
 fn parameters(chain: &[usize], t: &[f64]) -> Vec<f64> {
     let mut along = reordered(t, chain);
     if along[0] > along[along.len() - 1] {
@@ -206,7 +206,7 @@ fn two_pieces_give_two_chains() {
 #[test]
 fn the_base_is_the_point_farthest_from_the_centroid() {
     let (points, t) = scattered(line, 400, 0.0, 9);
-    // heavier on one side, so that the other end is farthest out
+    // more points on one side, so that the other end is farthest from the centroid
     let (heavy, other) = scattered(|t| line(0.2 * t), 800, 0.0, 10);
     let points = [points, heavy].concat();
     let t = [t, other.iter().map(|t| 0.2 * t).collect()].concat();
@@ -235,7 +235,7 @@ fn the_range_is_open_at_near_and_closed_at_far() {
     assert_eq!(trace_chains(&points, 0.9, 2.9, Some(0)).unwrap(), [vec![2, 1, 0], vec![3]]);
 }
 
-/// The argument that is refused.
+/// Returns the name of the refused argument.
 fn refused(points: &[Point], near: f64, far: f64, start: Option<usize>) -> &'static str {
     match trace_chains(points, near, far, start) {
         Err(Error::InvalidArgument { name, .. }) => name,

@@ -7,7 +7,7 @@ use super::remaining::Remaining;
 use super::*;
 use proptest::prelude::*;
 
-/// Many points in few places, on a lattice, in a dense spot, anywhere and far out.
+/// Makes many points in few places, on a lattice, in a dense spot, anywhere and far out.
 fn cloud() -> impl Strategy<Value = Vec<Point>> {
     let lattice = prop::array::uniform3(-2i32..2).prop_map(|p| p.map(|x| f64::from(x) * 0.5));
     let spot = prop::array::uniform3(-2.0f64..2.0).prop_map(|p| p.map(|x| 0.25 + 1e-9 * x));
