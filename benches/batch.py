@@ -32,7 +32,7 @@ import pyarrow as pa
 import strand
 from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
-from strand._core import cores
+from strand._core import count_cores
 from strand.batch import Settings, Unit, find_units, load_table, make_rows, run
 from strand.batch.running import Counts
 from strand.batch.shards import Shards
@@ -195,7 +195,9 @@ def main() -> int:
         folder = Path(temporary) if arguments.folder is None else arguments.folder
         begun = time.perf_counter()
         recordings = make_recordings(folder / f"{arguments.recordings}", arguments.recordings)
-        print(f"{arguments.recordings} recordings, {time.perf_counter() - begun:.0f} s, {cores()} cores\n")
+        print(
+            f"{arguments.recordings} recordings, {time.perf_counter() - begun:.0f} s, {count_cores()} cores\n"
+        )
         found = set()
         units = list(find_units([recordings], SETTINGS, recordings))
         for _ in range(arguments.repeat):

@@ -69,7 +69,7 @@ fn num_threads() -> usize {
 
 /// Count the cores that this process may use, by its affinity and its control group's CPU quota.
 #[pyfunction]
-fn cores() -> usize {
+fn count_cores() -> usize {
     crate::parallel::cores()
 }
 
@@ -94,16 +94,16 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<visibility::Visibility>()?;
     module.add_class::<queries::TubeQueries>()?;
     module.add_function(wrap_pyfunction!(views::copy_depth, module)?)?;
-    module.add_function(wrap_pyfunction!(views::constant_copy, module)?)?;
+    module.add_function(wrap_pyfunction!(views::copy_constant, module)?)?;
     module.add_function(wrap_pyfunction!(views::unproject, module)?)?;
     module.add_function(wrap_pyfunction!(views::crop_points, module)?)?;
     module.add_function(wrap_pyfunction!(views::crop_images, module)?)?;
-    module.add_function(wrap_pyfunction!(density::typical_neighbors, module)?)?;
-    module.add_function(wrap_pyfunction!(density::occupied_voxels, module)?)?;
-    module.add_function(wrap_pyfunction!(density::squared_distances, module)?)?;
-    module.add_function(wrap_pyfunction!(density::variances_around, module)?)?;
-    module.add_function(wrap_pyfunction!(views::depth_bends, module)?)?;
-    module.add_function(wrap_pyfunction!(views::seen_behind, module)?)?;
+    module.add_function(wrap_pyfunction!(density::count_typical_neighbors, module)?)?;
+    module.add_function(wrap_pyfunction!(density::count_voxels, module)?)?;
+    module.add_function(wrap_pyfunction!(density::find_squared_distances, module)?)?;
+    module.add_function(wrap_pyfunction!(density::measure_variances, module)?)?;
+    module.add_function(wrap_pyfunction!(views::measure_depth_bends, module)?)?;
+    module.add_function(wrap_pyfunction!(views::measure_behind, module)?)?;
     module.add_function(wrap_pyfunction!(visibility::occludes, module)?)?;
     module.add_function(wrap_pyfunction!(filter::radius_outlier_mask, module)?)?;
     module.add_function(wrap_pyfunction!(filter::count_neighbors, module)?)?;
@@ -114,32 +114,32 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(icp::register_in_turn, module)?)?;
     module.add_function(wrap_pyfunction!(centerline::centerline, module)?)?;
     module.add_function(wrap_pyfunction!(centerline::trace_chains, module)?)?;
-    module.add_function(wrap_pyfunction!(tubes::apparent_radii, module)?)?;
+    module.add_function(wrap_pyfunction!(tubes::estimate_radii, module)?)?;
     module.add_function(wrap_pyfunction!(tubes::trace_tubes, module)?)?;
     module.add_function(wrap_pyfunction!(fit::fit_tubes, module)?)?;
-    module.add_function(wrap_pyfunction!(fit::rope_extents, module)?)?;
-    module.add_function(wrap_pyfunction!(curves::spline_through, module)?)?;
-    module.add_function(wrap_pyfunction!(curves::spline_places, module)?)?;
-    module.add_function(wrap_pyfunction!(curves::arc_lengths, module)?)?;
-    module.add_function(wrap_pyfunction!(curves::overlapping, module)?)?;
-    module.add_function(wrap_pyfunction!(curves::crossed_segments, module)?)?;
+    module.add_function(wrap_pyfunction!(fit::find_extents, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::fit_spline, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::evaluate_spline, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::tabulate_arc_length, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::find_overlaps, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::find_crossed_segments, module)?)?;
     module.add_function(wrap_pyfunction!(curves::path_length, module)?)?;
     module.add_function(wrap_pyfunction!(curves::end_direction, module)?)?;
     module.add_function(wrap_pyfunction!(curves::bridge_nodes, module)?)?;
     module.add_function(wrap_pyfunction!(curves::straightened, module)?)?;
-    module.add_function(wrap_pyfunction!(curves::bending, module)?)?;
-    module.add_function(wrap_pyfunction!(curves::join_cost, module)?)?;
-    module.add_function(wrap_pyfunction!(knots::knot, module)?)?;
-    module.add_function(wrap_pyfunction!(knots::knot_diagram, module)?)?;
-    module.add_function(wrap_pyfunction!(knots::order_probability, module)?)?;
-    module.add_function(wrap_pyfunction!(knots::linking_number, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::measure_bending, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::price_join, module)?)?;
+    module.add_function(wrap_pyfunction!(knots::identify_knot, module)?)?;
+    module.add_function(wrap_pyfunction!(knots::draw_knot, module)?)?;
+    module.add_function(wrap_pyfunction!(knots::find_order_probability, module)?)?;
+    module.add_function(wrap_pyfunction!(knots::find_linking_number, module)?)?;
     module.add_function(wrap_pyfunction!(masks::convolved, module)?)?;
-    module.add_function(wrap_pyfunction!(masks::largest_blob, module)?)?;
-    module.add_function(wrap_pyfunction!(masks::blob_numbers, module)?)?;
-    module.add_function(wrap_pyfunction!(masks::edge_distances, module)?)?;
-    module.add_function(wrap_pyfunction!(masks::short_outlines, module)?)?;
-    module.add_function(wrap_pyfunction!(masks::shown_radius, module)?)?;
+    module.add_function(wrap_pyfunction!(masks::measure_largest_blob, module)?)?;
+    module.add_function(wrap_pyfunction!(masks::number_blobs, module)?)?;
+    module.add_function(wrap_pyfunction!(masks::measure_edge_distances, module)?)?;
+    module.add_function(wrap_pyfunction!(masks::find_short_outlines, module)?)?;
+    module.add_function(wrap_pyfunction!(masks::estimate_mask_radius, module)?)?;
     module.add_function(wrap_pyfunction!(set_num_threads, module)?)?;
-    module.add_function(wrap_pyfunction!(cores, module)?)?;
+    module.add_function(wrap_pyfunction!(count_cores, module)?)?;
     module.add_function(wrap_pyfunction!(num_threads, module)?)
 }

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
 
-from strand._core import cores
+from strand._core import count_cores
 from strand.batch import local_engine, ray_engine
 from strand.batch.engines import MAX_ATTEMPTS
 from strand.batch.settings import Settings
@@ -201,15 +201,15 @@ def run(
 
 def _choose_workers(workers: int | None, threads: int, on_cluster: bool) -> int:
     """Return the number of workers, which never need more cores than this machine has."""
-    if not on_cluster and threads > cores():
-        raise ValueError(f"threads: expected at most {cores()}, the number of cores, got {threads}")
+    if not on_cluster and threads > count_cores():
+        raise ValueError(f"threads: expected at most {count_cores()}, the number of cores, got {threads}")
     if workers is None:
-        return max(cores() // threads, 1)
+        return max(count_cores() // threads, 1)
     workers = check_integer("workers", workers, 1)
-    if not on_cluster and workers * threads > cores():
+    if not on_cluster and workers * threads > count_cores():
         raise ValueError(
             f"workers: {workers} workers with threads={threads} need {workers * threads} cores, and this "
-            f"machine has {cores()}"
+            f"machine has {count_cores()}"
         )
     return workers
 

@@ -70,7 +70,7 @@ class Curve:
     @lazy_property
     def _table(self) -> tuple[Array, Array]:
         """Parameters, and the arc length from the start to each; linear in between."""
-        arc = _core.arc_lengths(self.control, self.start, self.stop)
+        arc = _core.tabulate_arc_length(self.control, self.start, self.stop)
         return np.linspace(self.start, self.stop, len(arc)), arc
 
     @property
@@ -120,7 +120,7 @@ class Curve:
         curvature : (M, 3) ndarray
             The tangent's derivative by arc length, 1/m.
         """
-        position, slope, bend = _core.spline_places(self.control, self.parameter_at(s))
+        position, slope, bend = _core.evaluate_spline(self.control, self.parameter_at(s))
         square = (slope * slope).sum(axis=1, keepdims=True)
         along = (slope * bend).sum(axis=1, keepdims=True)
         return position, slope / np.sqrt(square), (bend - slope * along / square) / square

@@ -235,7 +235,7 @@ def _take_better(
     chains = tubes.found.chains
     ropes = [chain.points for chain in chains[: observed.prior.ropes]]
     places = [reading.taken[reading.held].project(points) for points in ropes]
-    rival = Reading(reading.images.reading_cost(reading.held, places), reading.held, places)
+    rival = Reading(reading.images.price_reading(reading.held, places), reading.held, places)
     explanations = fit_and_rank(
         reading.images,
         [rival, *(other.reading for other in reading.explanations)],

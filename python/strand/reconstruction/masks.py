@@ -157,7 +157,7 @@ def _explain_small_mask(view: View, radius: float) -> str | None:
     if not len(seen):
         return None
     across = radius * max(image.camera.focal) / float(np.median(seen))
-    largest = _core.largest_blob(mask)
+    largest = _core.measure_largest_blob(mask)
     if largest >= _MIN_AREA * across**2:
         return None
     return (

@@ -144,7 +144,7 @@ def estimate_radius(views: Sequence[View], bounds: Bounds | None = None) -> tupl
 def measure_radii(views: Sequence[View]) -> tuple[Array, Array]:
     """Estimate radii as `estimate_radius` does, in views of ropes alone."""
     found = [
-        _core.apparent_radii(view.world_points, view.viewpoint, _MAX_RADIUS, _PLACES)
+        _core.estimate_radii(view.world_points, view.viewpoint, _MAX_RADIUS, _PLACES)
         for view in views
         if len(view.points)
     ]

@@ -143,5 +143,5 @@ def measure_depth_behind(view: View, pose: Array, chain: Chain) -> Array:
     image = view.image
     if image is None:
         return np.full(len(chain.points), np.nan)
-    behind = _core.seen_behind(image.depth, image.camera, pose, chain.points, chain.radius)
+    behind = _core.measure_behind(image.depth, image.camera, pose, chain.points, chain.radius)
     return np.asarray(behind / chain.radius + 1.0)

@@ -64,7 +64,7 @@ def describe_surface(views: Sequence[View], radius: float) -> str | None:
 
 def _classify_points(points: Array, radius: float) -> str | None:
     """Say what the points of one view look like; None if they may be ropes."""
-    voxels = _core.occupied_voxels([points], 2.0 * radius)
+    voxels = _core.count_voxels([points], 2.0 * radius)
     points = points[:: max(len(points) // (_POINTS_PER_VOXEL * max(voxels, 1)), 1)]
     places = points[:: max(len(points) // _PLACES, 1)][:_PLACES]
     wide, shapes = _find_wide_places(points, places, _REACH * radius, _MIN_SHARE)
@@ -82,11 +82,13 @@ def _classify_points(points: Array, radius: float) -> str | None:
 
 def _find_wide_places(points: Array, places: Array, reach: float, share: float) -> tuple[Array, Array]:
     """Return the places where points are wide, and their variances there; none if there are few places."""
-    few = _core.variances_around(points, places[:_FIRST_PLACES], reach, _MIN_POINTS)
+    few = _core.measure_variances(points, places[:_FIRST_PLACES], reach, _MIN_POINTS)
     # the first few places show most ropes
     if np.count_nonzero(few[:, 1] <= _WIDE * few[:, 2]) > (1.0 - share) * len(places):
         return places[:0], few[:0]
-    shapes = np.concatenate([few, _core.variances_around(points, places[_FIRST_PLACES:], reach, _MIN_POINTS)])
+    shapes = np.concatenate(
+        [few, _core.measure_variances(points, places[_FIRST_PLACES:], reach, _MIN_POINTS)]
+    )
     silent = int(np.isnan(shapes[:, 0]).sum())
     wide = shapes[:, 1] > _WIDE * shapes[:, 2]
     if wide.sum() < share * (len(places) - silent) or 2 * silent > len(places):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand._core import crossed_segments
+from strand._core import find_crossed_segments
 from strand.geometry.frames import check_direction
 from strand.geometry.line import Line
 from strand.ropes.clearance import find_least_distances
@@ -212,7 +212,7 @@ def _intersect(chains: Sequence[Line], towards: Array) -> tuple[Places, Places, 
     basis = np.column_stack([aside, np.cross(towards, aside)])
     nodes, segments, number, arcs = _collect_segments(chains)
     origin = nodes.mean(axis=0) if len(nodes) else np.zeros(3)
-    pairs, shares, turns = crossed_segments((nodes - origin) @ basis, segments)
+    pairs, shares, turns = find_crossed_segments((nodes - origin) @ basis, segments)
     which = number[pairs]
     at = arcs[pairs, 0] + shares * (arcs[pairs, 1] - arcs[pairs, 0])
     radius, length, closed = (

@@ -83,7 +83,7 @@ def knot_diagram(
         is zero, or strands lie along each other from there.
     """
     nodes = check_finite_array("points", points, ("N", 3))
-    codes = _core.knot_diagram(nodes, check_bool("closed", closed), check_direction("direction", direction))
+    codes = _core.draw_knot(nodes, check_bool("closed", closed), check_direction("direction", direction))
     return make_diagram(codes)
 
 

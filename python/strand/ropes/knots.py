@@ -149,7 +149,7 @@ def name_knot(
 
     If not `strict`, crossings that the nodes do not show count as right.
     """
-    answers, core, twin, alexander, jones, codes = _core.knot(nodes, closed)
+    answers, core, twin, alexander, jones, codes = _core.identify_knot(nodes, closed)
     shares = tuple((name or UNKNOWN, chirality, share) for name, chirality, share in answers)
     name, chirality, probability = shares[0]
     if crossings is not None and np.size(crossings):
@@ -160,7 +160,7 @@ def name_knot(
         places = np.interp(given[:, :2], arc, _core.path_length(path))
         rows = np.column_stack([places, given[:, 2]])
         towards = check_direction("direction", direction)
-        probability *= _core.order_probability(nodes, closed, towards, rows, strict)
+        probability *= _core.find_order_probability(nodes, closed, towards, rows, strict)
     return Knot(
         name=name,
         chirality=chirality,
@@ -206,7 +206,7 @@ def linking_number(a: Line | ArrayLike, b: Line | ArrayLike, closed: bool = True
     (first, first_closed), (second, second_closed) = (
         _read_nodes(name, rope, arrays_closed) for name, rope in (("a", a), ("b", b))
     )
-    return _core.linking_number(first, second, [first_closed, second_closed])
+    return _core.find_linking_number(first, second, [first_closed, second_closed])
 
 
 def _read_nodes(name: str, rope: Line | ArrayLike, closed: bool) -> tuple[Array, bool]:

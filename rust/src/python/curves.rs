@@ -40,7 +40,7 @@ type Crossings<'py> = (Bound<'py, PyArray2<i64>>, Bound<'py, PyArray2<f64>>, Bou
 /// strand.NotEnoughDataError
 ///     If there are fewer than two different nodes.
 #[pyfunction]
-pub(super) fn spline_through<'py>(
+pub(super) fn fit_spline<'py>(
     py: Python<'py>,
     nodes: &Bound<'py, PyAny>,
     spacing: f64,
@@ -56,7 +56,7 @@ pub(super) fn spline_through<'py>(
 
 /// Return the positions and first two derivatives of a spline at parameters; see `strand.curve.evaluate`.
 #[pyfunction]
-pub(super) fn spline_places<'py>(
+pub(super) fn evaluate_spline<'py>(
     py: Python<'py>,
     control: &Bound<'py, PyAny>,
     parameters: &Bound<'py, PyAny>,
@@ -78,7 +78,7 @@ pub(super) fn spline_places<'py>(
 
 /// Return the arc lengths from one parameter of a spline to places evenly spaced up to another, metres.
 #[pyfunction]
-pub(super) fn arc_lengths<'py>(
+pub(super) fn tabulate_arc_length<'py>(
     py: Python<'py>,
     control: &Bound<'py, PyAny>,
     start: f64,
@@ -101,7 +101,7 @@ pub(super) fn arc_lengths<'py>(
 ///
 /// `curve` holds the number of each place's curve, `arc_length` its position along the curve, metres.
 #[pyfunction]
-pub(super) fn overlapping<'py>(
+pub(super) fn find_overlaps<'py>(
     py: Python<'py>,
     places: &Bound<'py, PyAny>,
     curve: &Bound<'py, PyAny>,
@@ -152,7 +152,7 @@ pub(super) fn overlapping<'py>(
 /// MemoryError
 ///     If the pairs do not fit in memory.
 #[pyfunction]
-pub(super) fn crossed_segments<'py>(
+pub(super) fn find_crossed_segments<'py>(
     py: Python<'py>,
     nodes: &Bound<'py, PyAny>,
     segments: &Bound<'py, PyAny>,
@@ -249,7 +249,7 @@ pub(super) fn straightened<'py>(
 
 /// Return the bending energy of a polyline, 1/m.
 #[pyfunction]
-pub(super) fn bending(py: Python<'_>, nodes: &Bound<'_, PyAny>) -> PyResult<f64> {
+pub(super) fn measure_bending(py: Python<'_>, nodes: &Bound<'_, PyAny>) -> PyResult<f64> {
     let nodes = Points::new("nodes", nodes, "(M, 3)")?;
     released_if_many(py, nodes.len(), move || bridge::measure_bending(&nodes))
 }
@@ -260,7 +260,7 @@ pub(super) fn bending(py: Python<'_>, nodes: &Bound<'_, PyAny>) -> PyResult<f64>
 /// It grows with the bends, and with the gap over the rope's radius. It is infinite if the curve would have to turn
 /// back.
 #[pyfunction]
-pub(super) fn join_cost(
+pub(super) fn price_join(
     p: &Bound<'_, PyAny>,
     leave: &Bound<'_, PyAny>,
     q: &Bound<'_, PyAny>,

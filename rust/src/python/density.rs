@@ -10,14 +10,18 @@ use crate::clouds::{density, proximity};
 
 /// Return the median number of other points within a radius of a point; 0 without points.
 #[pyfunction]
-pub(super) fn typical_neighbors(py: Python<'_>, points: &Bound<'_, PyAny>, radius: f64) -> PyResult<usize> {
+pub(super) fn count_typical_neighbors(
+    py: Python<'_>,
+    points: &Bound<'_, PyAny>,
+    radius: f64,
+) -> PyResult<usize> {
     let points = Points::new("points", points, "(N, 3)")?;
     Ok(released(py, move || density::typical_neighbors(&points, radius))??)
 }
 
 /// Count the voxels that hold points of some clouds; `side` is the edge of a voxel, metres.
 #[pyfunction]
-pub(super) fn occupied_voxels(py: Python<'_>, points: Vec<Bound<'_, PyAny>>, side: f64) -> PyResult<usize> {
+pub(super) fn count_voxels(py: Python<'_>, points: Vec<Bound<'_, PyAny>>, side: f64) -> PyResult<usize> {
     let clouds = Points::all("points", &points)?;
     let count: usize = clouds.iter().map(|points| points.len()).sum();
     Ok(released_if_many(py, count / CHEAP, move || density::occupied_voxels(&slices(&clouds), side))??)
@@ -25,7 +29,7 @@ pub(super) fn occupied_voxels(py: Python<'_>, points: Vec<Bound<'_, PyAny>>, sid
 
 /// Return the squared distance of each point to the nearest of others; infinity if there are none.
 #[pyfunction]
-pub(super) fn squared_distances<'py>(
+pub(super) fn find_squared_distances<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
     others: &Bound<'py, PyAny>,
@@ -39,7 +43,7 @@ pub(super) fn squared_distances<'py>(
 /// Return (M, 3) variances along the principal axes of the points within `reach` of each place, ascending, m^2; NaN
 /// where there are fewer than `fewest` points.
 #[pyfunction]
-pub(super) fn variances_around<'py>(
+pub(super) fn measure_variances<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
     places: &Bound<'py, PyAny>,

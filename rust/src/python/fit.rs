@@ -335,7 +335,7 @@ fn earlier(previous: &Bound<'_, TubeFit>, tubes: &[Tube], count: usize) -> PyRes
 ///     If there is not one tolerance for each curve.
 #[pyfunction]
 #[pyo3(signature = (fit, surface_tolerance = None))]
-pub(super) fn rope_extents(
+pub(super) fn find_extents(
     py: Python<'_>,
     fit: &Bound<'_, TubeFit>,
     surface_tolerance: Option<Vec<f64>>,

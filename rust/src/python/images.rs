@@ -118,7 +118,7 @@ impl RopeImages {
     ///     For each reading: its cost, its view, the columns and rows of its ropes' nodes, pixels, and the number of ropes
     ///     that were rings. The best of each view come first.
     #[allow(clippy::type_complexity)]
-    fn readings<'py>(
+    fn find_readings<'py>(
         &self,
         py: Python<'py>,
         ropes: Option<usize>,
@@ -151,7 +151,7 @@ impl RopeImages {
     }
 
     /// Return the cost of a view's reading with these polylines, (M, 2), pixels, without ends, kisses and gaps.
-    fn reading_cost(&self, py: Python<'_>, view: usize, chains: Vec<Bound<'_, PyAny>>) -> PyResult<f64> {
+    fn price_reading(&self, py: Python<'_>, view: usize, chains: Vec<Bound<'_, PyAny>>) -> PyResult<f64> {
         let of = self.0.clone();
         if view >= of.views.len() {
             return Err(PyValueError::new_err(format!("view: there is no view {view}")));
@@ -290,7 +290,12 @@ impl RopeImages {
     /// Returns
     /// -------
     /// ImageFit
-    fn through(&self, py: Python<'_>, before: &ImageFit, nodes: Vec<Bound<'_, PyAny>>) -> PyResult<ImageFit> {
+    fn replace_nodes(
+        &self,
+        py: Python<'_>,
+        before: &ImageFit,
+        nodes: Vec<Bound<'_, PyAny>>,
+    ) -> PyResult<ImageFit> {
         require_same_length("nodes", nodes.len(), before.fit.nodes.len())?;
         let nodes = nodes_of("nodes", &nodes, self.0.radius)?;
         if nodes.iter().any(|nodes| nodes.len() < 2) {
@@ -323,7 +328,7 @@ impl RopeImages {
     /// list of float
     ///     For each hypothesis, twice the log of how much more likely the depths of all views are, with independent errors.
     #[allow(clippy::type_complexity)]
-    fn depth_gains(
+    fn measure_depth_gains(
         &self,
         py: Python<'_>,
         hypotheses: Vec<(Vec<Bound<'_, PyAny>>, Vec<[f64; 6]>)>,
@@ -363,7 +368,7 @@ impl RopeImages {
     /// Returns
     /// -------
     /// list of float
-    fn end_gains(
+    fn measure_end_gains(
         &self,
         py: Python<'_>,
         chains: Vec<Bound<'_, PyAny>>,
@@ -392,7 +397,7 @@ impl RopeImages {
     /// -------
     /// list of ((M,) ndarray of int, (M,) ndarray of int)
     #[allow(clippy::type_complexity)]
-    fn support<'py>(
+    fn count_support<'py>(
         &self,
         py: Python<'py>,
         fit: &ImageFit,

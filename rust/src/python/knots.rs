@@ -14,7 +14,7 @@ type Knot = (Vec<Answer>, Option<[usize; 2]>, Option<&'static str>, Option<Vec<i
 
 /// Identify the knot of ordered nodes; see `strand.knot`.
 #[pyfunction]
-pub(super) fn knot(py: Python<'_>, points: &Bound<'_, PyAny>, closed: bool) -> PyResult<Knot> {
+pub(super) fn identify_knot(py: Python<'_>, points: &Bound<'_, PyAny>, closed: bool) -> PyResult<Knot> {
     let points = Points::new("points", points, "(N, 3)")?;
     let found = released(py, move || knots::identify(&points, closed))??;
     let answers = found.answers.iter().map(|answer| (answer.name, chirality(answer.chirality), answer.share));
@@ -23,7 +23,7 @@ pub(super) fn knot(py: Python<'_>, points: &Bound<'_, PyAny>, closed: bool) -> P
 
 /// Return the codes of the diagram of ordered nodes seen from a unit vector; see `strand.knot_diagram`.
 #[pyfunction]
-pub(super) fn knot_diagram(
+pub(super) fn draw_knot(
     py: Python<'_>,
     points: &Bound<'_, PyAny>,
     closed: bool,
@@ -39,7 +39,7 @@ pub(super) fn knot_diagram(
 /// Each of `crossings` holds two arc lengths, metres, and a probability; with `strict`, there may be at most as many as
 /// visible crossings.
 #[pyfunction]
-pub(super) fn order_probability(
+pub(super) fn find_order_probability(
     py: Python<'_>,
     points: &Bound<'_, PyAny>,
     closed: bool,
@@ -55,7 +55,7 @@ pub(super) fn order_probability(
 
 /// Return how often two chains wind around each other; see `strand.linking_number`.
 #[pyfunction]
-pub(super) fn linking_number(
+pub(super) fn find_linking_number(
     py: Python<'_>,
     a: &Bound<'_, PyAny>,
     b: &Bound<'_, PyAny>,

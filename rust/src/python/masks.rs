@@ -46,7 +46,7 @@ pub(super) fn convolved<'py>(
 
 /// Return the number of pixels of a mask's largest blob; diagonal neighbours are connected.
 #[pyfunction]
-pub(super) fn largest_blob(py: Python<'_>, mask: &Bound<'_, PyAny>) -> PyResult<usize> {
+pub(super) fn measure_largest_blob(py: Python<'_>, mask: &Bound<'_, PyAny>) -> PyResult<usize> {
     let mask = Array::mask("mask", mask)?;
     let [height, width] = mask.image_shape("mask")?;
     let image = Image { width, height, values: mask.into_values() };
@@ -55,7 +55,7 @@ pub(super) fn largest_blob(py: Python<'_>, mask: &Bound<'_, PyAny>) -> PyResult<
 
 /// Return (H, W) numbers of each pixel's blob, from 1 on, 0 outside the mask; diagonal neighbours are connected.
 #[pyfunction]
-pub(super) fn blob_numbers<'py>(
+pub(super) fn number_blobs<'py>(
     py: Python<'py>,
     mask: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray2<i64>>> {
@@ -75,7 +75,7 @@ pub(super) fn blob_numbers<'py>(
 /// Return (H, W) distances of a mask's pixels from the nearest pixel outside it, pixels; 0 outside. Beyond the border
 /// counts as mask. Distances above `most` may be wrong, but stay above `most`.
 #[pyfunction]
-pub(super) fn edge_distances<'py>(
+pub(super) fn measure_edge_distances<'py>(
     py: Python<'py>,
     mask: &Bound<'py, PyAny>,
     most: usize,
@@ -91,7 +91,7 @@ pub(super) fn edge_distances<'py>(
 /// Return (H, W) pixels for each weight: the set with the least sum of evidence plus the weight times the length of its
 /// outline.
 #[pyfunction]
-pub(super) fn short_outlines<'py>(
+pub(super) fn find_short_outlines<'py>(
     py: Python<'py>,
     evidence: &Bound<'py, PyAny>,
     weights: Vec<f32>,
@@ -111,7 +111,7 @@ pub(super) fn short_outlines<'py>(
 
 /// Estimate a rope's radius in the image from the width of a mask, pixels; None if the mask shows no rope.
 #[pyfunction]
-pub(super) fn shown_radius(py: Python<'_>, mask: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
+pub(super) fn estimate_mask_radius(py: Python<'_>, mask: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
     let mask = Array::mask("mask", mask)?;
     let [_, width] = mask.image_shape("mask")?;
     released(py, move || Silhouette::shown_radius(mask.slice(), width))

@@ -38,7 +38,7 @@ const _: () = assert!(MIN_NODES == 4);
 /// ValueError
 ///     If `points` is not (N, 3), a coordinate is not finite, or `largest` is not positive.
 #[pyfunction]
-pub(super) fn apparent_radii<'py>(
+pub(super) fn estimate_radii<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
     viewpoint: &Bound<'py, PyAny>,

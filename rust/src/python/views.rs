@@ -28,7 +28,7 @@ pub(super) fn copy_depth<'py>(
 
 /// Copy points into an array that nobody can write to, so that kernels need no copy of their own.
 #[pyfunction]
-pub(super) fn constant_copy<'py>(py: Python<'py>, points: &Bound<'py, PyAny>) -> PyResult<PointsArray<'py>> {
+pub(super) fn copy_constant<'py>(py: Python<'py>, points: &Bound<'py, PyAny>) -> PyResult<PointsArray<'py>> {
     let points = FloatArray::new("points", points)?;
     let &[rows, 3] = points.shape() else { return Err(wrong_shape("points", "(N, 3)", points.shape())) };
     constant(py, points.into_values(), [rows, 3])
@@ -82,7 +82,7 @@ pub(super) fn crop_images<'py>(
 
 /// Return for each view the medians of second differences of its depths, in every `every`-th row and at its points.
 #[pyfunction]
-pub(super) fn depth_bends(
+pub(super) fn measure_depth_bends(
     py: Python<'_>,
     depths: Vec<Bound<'_, PyAny>>,
     cameras: Vec<[[f64; 2]; 2]>,
@@ -104,7 +104,7 @@ pub(super) fn depth_bends(
 
 /// Return how much farther along the camera's axis an image saw a surface than each of some points, metres.
 #[pyfunction]
-pub(super) fn seen_behind<'py>(
+pub(super) fn measure_behind<'py>(
     py: Python<'py>,
     depth: &Bound<'py, PyAny>,
     camera: [[f64; 2]; 2],

@@ -25,7 +25,7 @@ from shared.batch_recordings import (
     interrupt,
     read_table,
 )
-from strand._core import cores
+from strand._core import count_cores
 from strand.batch import Counts, EngineError, find_units, load_table, local_engine, run
 from strand.batch.engines import MAX_ATTEMPTS
 from strand.batch.shards import list_shards, prepare_folder
@@ -255,9 +255,9 @@ def test_two_batches_do_not_mix_up_their_environments():
 
 def test_cores_are_those_that_the_process_may_use():
     script = "import os; os.sched_setaffinity(0, {min(os.sched_getaffinity(0))}); "
-    script += "import strand._core; print(strand._core.cores())"
+    script += "import strand._core; print(strand._core.count_cores())"
     found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert (found.stdout, 1 <= cores() <= len(os.sched_getaffinity(0))) == ("1\n", True)
+    assert (found.stdout, 1 <= count_cores() <= len(os.sched_getaffinity(0))) == ("1\n", True)
 
 
 def test_a_worker_of_another_version_is_refused(recordings, tmp_path):

@@ -19,7 +19,7 @@ from shared.batch_recordings import (
     SETTINGS,
     read_table,
 )
-from strand._core import cores
+from strand._core import count_cores
 from strand.batch import Counts, Settings, find_units, load_table, run, shards
 from strand.batch.shards import Shards, list_shards, name_shard, prepare_folder
 from strand.batch.work import ShardCounts, Work
@@ -252,13 +252,15 @@ def test_what_is_half_written_is_no_shard_and_goes_when_it_is_old(recordings, tm
 
 def test_workers_never_need_more_cores_than_there_are(recordings, tmp_path):
     with pytest.raises(ValueError, match="cores, and this machine has"):
-        run(recordings, tmp_path, workers=cores() + 1)
+        run(recordings, tmp_path, workers=count_cores() + 1)
     with pytest.raises(ValueError, match="cores, and this machine has"):
-        run(recordings, tmp_path, workers=2, threads=cores())
-    with pytest.raises(ValueError, match=f"threads: expected at most {cores()}, .* got {cores() + 1}"):
-        run(recordings, tmp_path, threads=cores() + 1)
+        run(recordings, tmp_path, workers=2, threads=count_cores())
+    with pytest.raises(
+        ValueError, match=f"threads: expected at most {count_cores()}, .* got {count_cores() + 1}"
+    ):
+        run(recordings, tmp_path, threads=count_cores() + 1)
     before = strand.num_threads(), dict(os.environ)
-    assert run(recordings / "0" / "00.npz", tmp_path, SETTINGS, threads=cores()).made == 1
+    assert run(recordings / "0" / "00.npz", tmp_path, SETTINGS, threads=count_cores()).made == 1
     assert (strand.num_threads(), dict(os.environ)) == before
 
 

@@ -18,7 +18,7 @@ from shared.kernel_calls import (
     make_lattice,
 )
 from strand import centerline, count_neighbors, estimate_normals, icp, radius_outlier_mask, trace_chains
-from strand._core import constant_copy
+from strand._core import copy_constant
 
 
 def misaligned(array):
@@ -76,7 +76,7 @@ def test_every_layout_gives_the_same_answer(kernel, layout):
 @pytest.mark.parametrize("kernel", CALLS)
 def test_arrays_that_nobody_can_write_to_give_the_same_answer(kernel):
     arrays = {
-        name: constant_copy(array) if array.shape[1:] == (3,) else array
+        name: copy_constant(array) if array.shape[1:] == (3,) else array
         for name, array in ARRAYS[kernel].items()
     }
     assert_same(call_kernel(kernel, **arrays), call_kernel(kernel))
@@ -99,7 +99,7 @@ PARTS = {
 
 @pytest.mark.parametrize("part", PARTS)
 def test_parts_of_an_array_that_nobody_can_write_to_are_those_parts(part):
-    points = PARTS[part](constant_copy(np.random.default_rng(3).uniform(size=(1000, 3))))
+    points = PARTS[part](copy_constant(np.random.default_rng(3).uniform(size=(1000, 3))))
     assert_same([count_neighbors(points, 0.2)], [count_neighbors(np.array(points), 0.2)])
 
 
@@ -119,7 +119,7 @@ def test_an_array_may_say_that_it_is_part_of_itself():
 @pytest.mark.parametrize("count", [1, 1000])
 def test_nobody_can_write_to_a_constant_array(count):
     points = np.ones((count, 3))
-    constant = constant_copy(points)
+    constant = copy_constant(points)
     points[:] = 7.0
     assert (constant == 1.0).all()
     for array in (constant, constant[:1], constant.reshape(-1), constant.view(np.int64), constant.T):

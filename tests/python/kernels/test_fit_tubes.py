@@ -11,7 +11,7 @@ import pytest
 
 import strand
 from shared.ropes import R
-from strand._core import EndObservation, rope_extents
+from strand._core import EndObservation, find_extents
 from strand.geometry.curve import Curve
 
 
@@ -81,7 +81,7 @@ def test_a_loop_that_the_points_show_is_not_stiffened_until_it_is_straight():
         chains=[nodes], radius=r, noise=strand.synthetic.Noise(depth=0.0013), views=3, seed=0
     )
     views = [view.crop(scene.bounds) for view in scene.views]
-    start = strand._core.spline_through(scene.truth[0][::3], 2.5 * r, 2.0 * r)
+    start = strand._core.fit_spline(scene.truth[0][::3], 2.5 * r, 2.0 * r)
     fit = strand.fit_tubes(
         [view.world_points for view in views],
         [view.viewpoint for view in views],
@@ -106,7 +106,7 @@ def straight_fit(**changes):
     arguments = {
         "points": [points],
         "viewpoints": [[0.1, 0.0, 1.0]],
-        "curves": [strand._core.spline_through(nodes, 0.01, 0.0)],
+        "curves": [strand._core.fit_spline(nodes, 0.01, 0.0)],
         "motions": [np.eye(4)],
         "radius": 0.004,
         "pose_sd": (0.01, 0.002),
@@ -187,11 +187,11 @@ def test_an_end_observation_can_be_pickled():
 
 def test_extents_need_a_tolerance_for_each_curve():
     fit = straight_fit()
-    ((start, stop),) = rope_extents(fit)
+    ((start, stop),) = find_extents(fit)
     assert 0.0 <= start < stop <= len(fit.curves[0]) - 3
-    assert rope_extents(fit, [1e-3]) == [pytest.approx((start, stop), abs=0.2)]
+    assert find_extents(fit, [1e-3]) == [pytest.approx((start, stop), abs=0.2)]
     with pytest.raises(ValueError, match="surface_tolerance: expected one for each of 1 curves, got 2"):
-        rope_extents(fit, [1e-3, 1e-3])
+        find_extents(fit, [1e-3, 1e-3])
 
 
 def fewer(fit, left_out):
@@ -214,7 +214,7 @@ def fewer(fit, left_out):
 def test_a_fit_goes_on_from_an_earlier_one():
     scene = strand.synthetic.scene("s", seed=3)
     views = [view.crop(scene.bounds) for view in scene.views]
-    start = strand._core.spline_through(scene.truth[0], 1.5 * R, 2.0 * R)
+    start = strand._core.fit_spline(scene.truth[0], 1.5 * R, 2.0 * R)
     fit = partial(
         strand.fit_tubes,
         [view.world_points for view in views],

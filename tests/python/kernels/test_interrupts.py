@@ -17,12 +17,12 @@ CALLS = {
     "centerline": "strand.centerline(many, up, 0.3, 3)",
     "trace_chains": "strand.trace_chains(many, 0.001, 1.0)",
     "trace_tubes": "strand.trace_tubes(crowd, (0.0, 0.0, 9.0), 0.2)",
-    "typical_neighbors": "[_core.typical_neighbors(crowd, 1.0) for _ in range(10**6)]",
-    "overlapping": "_core.overlapping(crowd, number, arc, 0.0, 0.0)",
+    "count_typical_neighbors": "[_core.count_typical_neighbors(crowd, 1.0) for _ in range(10**6)]",
+    "find_overlaps": "_core.find_overlaps(crowd, number, arc, 0.0, 0.0)",
     "occludes": "_core.occludes(away, crowd, (0.0, 0.0, -9.0), 0.0)",
-    "spline_through": "_core.spline_through(rope, 0.0004, 0.0)",
+    "fit_spline": "_core.fit_spline(rope, 0.0004, 0.0)",
     "register_in_turn": "_core.register_in_turn([many, moved], 0.05, 10**6, 0.0)",
-    "short_outlines": "_core.short_outlines(noise, [1.0], 10**5)",
+    "find_short_outlines": "_core.find_short_outlines(noise, [1.0], 10**5)",
 }
 
 CODE = """

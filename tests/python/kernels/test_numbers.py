@@ -259,7 +259,7 @@ def test_what_only_the_package_calls_refuses_mad_numbers_too():
     with pytest.raises(ValueError, match=r"^nodes: "):
         _core.straighten(nodes * np.nan, 0.1, 1.0)
     with pytest.raises(ValueError, match=r"^steps: expected at most "):
-        _core.short_outlines(np.zeros((4, 4), np.float32), [0.5], 10**12)
+        _core.find_short_outlines(np.zeros((4, 4), np.float32), [0.5], 10**12)
 
 
 def test_small_answers_have_their_numbers_in_order():

@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from strand._core import crossed_segments
+from strand._core import find_crossed_segments
 
 
 def lines(*counts, closed=False):
@@ -47,7 +47,7 @@ def test_all_crossings_are_found_whatever_the_lines_are_like(seed):
     if seed == 4:
         nodes[::9] *= 1e3  # few long segments among short ones
     segments = lines(40, 30)
-    pairs, shares, turns = crossed_segments(nodes, segments)
+    pairs, shares, turns = find_crossed_segments(nodes, segments)
     assert [tuple(pair) for pair in pairs.tolist()] == brute_force(nodes, segments)
     assert len(pairs) > 5
     start, step = nodes[segments[:, 0]], nodes[segments[:, 1]] - nodes[segments[:, 0]]
@@ -61,7 +61,7 @@ def test_all_crossings_are_found_whatever_the_lines_are_like(seed):
 def test_closed_lines_on_a_coarse_lattice_cross_evenly(seed):
     # nodes on nodes, nodes on segments and segments on segments everywhere
     nodes = np.random.default_rng(seed).integers(0, 4, (24, 2)).astype(float)
-    pairs, _, turns = crossed_segments(nodes, lines(12, 12, closed=True))
+    pairs, _, turns = find_crossed_segments(nodes, lines(12, 12, closed=True))
     both = (pairs[:, 0] < 12) & (pairs[:, 1] >= 12)
     assert both.sum() % 2 == 0
     assert turns[both].sum() == 0
@@ -70,14 +70,14 @@ def test_closed_lines_on_a_coarse_lattice_cross_evenly(seed):
 def test_a_line_through_a_node_crosses_once_and_one_that_touches_it_evenly():
     bent = [[-1.0, 0.0], [0.0, 0.0], [1.0, 1.0]]
     for other, count in (([[0.0, -1.0], [0.0, 1.0]], 1), ([[-1.0, -1.0], [0.0, 0.0], [0.0, -1.0]], 0)):
-        pairs, _, turns = crossed_segments(np.array(bent + other), lines(3, len(other)))
+        pairs, _, turns = find_crossed_segments(np.array(bent + other), lines(3, len(other)))
         assert len(pairs) % 2 == count
         assert abs(turns.sum()) == count
 
 
 def test_nothing_crosses_in_a_plan_without_extent():
     for nodes in (np.empty((0, 2)), np.zeros((4, 2))):
-        pairs, shares, turns = crossed_segments(nodes, lines(len(nodes)))
+        pairs, shares, turns = find_crossed_segments(nodes, lines(len(nodes)))
         assert (pairs.shape, shares.shape, turns.shape) == ((0, 2), (0, 2), (0,))
 
 
@@ -85,7 +85,7 @@ def test_what_is_no_plan_is_refused():
     nodes, segments = np.random.default_rng(0).normal(size=(5, 2)), lines(5)
     for wrong in (segments - 1, segments + 1):
         with pytest.raises(ValueError, match="segments: expected numbers of 5 nodes"):
-            crossed_segments(nodes, wrong)
+            find_crossed_segments(nodes, wrong)
     for wrong in (nodes[:, :1].copy(), np.full((5, 2), np.nan)):
         with pytest.raises(ValueError, match="nodes: expected"):
-            crossed_segments(wrong, segments)
+            find_crossed_segments(wrong, segments)

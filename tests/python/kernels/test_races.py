@@ -42,43 +42,45 @@ calls = {{
     "centerline": lambda: strand.centerline(points, points, 0.05, 3),
     "trace_chains": lambda: strand.trace_chains(points, 0.02, 0.05),
     "trace_tubes": lambda: strand.trace_tubes(points[:500], points[:500], 0.05),
-    "apparent_radii": lambda: _core.apparent_radii(points, (0.0, 0.0, -1.0), 0.1, 10),
-    "typical_neighbors": lambda: _core.typical_neighbors(points, 0.05),
-    "occupied_voxels": lambda: _core.occupied_voxels([points], 0.05),
-    "squared_distances": lambda: _core.squared_distances(points, points),
+    "estimate_radii": lambda: _core.estimate_radii(points, (0.0, 0.0, -1.0), 0.1, 10),
+    "count_typical_neighbors": lambda: _core.count_typical_neighbors(points, 0.05),
+    "count_voxels": lambda: _core.count_voxels([points], 0.05),
+    "find_squared_distances": lambda: _core.find_squared_distances(points, points),
     "crop_points": lambda: _core.crop_points(points, eye, (0.0,) * 3, (0.5,) * 3, points),
     "crop_images": lambda: _core.crop_images([depth], [camera], [eye], (-1.0,) * 3, (1.0,) * 3),
-    "constant_copy": lambda: _core.constant_copy(points),
-    "variances_around": lambda: _core.variances_around(points, points[:9], 0.2, 5),
-    "depth_bends": lambda: _core.depth_bends([depth], [camera], [points], 1),
-    "seen_behind": lambda: _core.seen_behind(depth, camera, eye, points, 0.1),
+    "copy_constant": lambda: _core.copy_constant(points),
+    "measure_variances": lambda: _core.measure_variances(points, points[:9], 0.2, 5),
+    "measure_depth_bends": lambda: _core.measure_depth_bends([depth], [camera], [points], 1),
+    "measure_behind": lambda: _core.measure_behind(depth, camera, eye, points, 0.1),
     "unproject": lambda: _core.unproject(depth, *camera),
     "copy_depth": lambda: _core.copy_depth(depth, 65.0),
     "fit_tubes": lambda: strand.fit_tubes([points[:500]], np.ones((1, 3)), [control], **fit),
-    "spline_through": lambda: _core.spline_through(points[:40], 0.5, 0.1),
-    "spline_places": lambda: _core.spline_places(control, points[0]),
-    "overlapping": lambda: _core.overlapping(points[:100], number[:100], points[:100, 0].copy(), 0.1, 0.1),
-    "crossed_segments": lambda: _core.crossed_segments(plan, lines),
-    "crossed_segments, numbers": lambda: _core.crossed_segments(plan, number[:398].reshape(-1, 2)),
+    "fit_spline": lambda: _core.fit_spline(points[:40], 0.5, 0.1),
+    "evaluate_spline": lambda: _core.evaluate_spline(control, points[0]),
+    "find_overlaps": lambda: _core.find_overlaps(points[:99], number[:99], points[:99, 0].copy(), 0.1, 0.1),
+    "find_crossed_segments": lambda: _core.find_crossed_segments(plan, lines),
+    "find_crossed_segments, numbers": lambda: _core.find_crossed_segments(plan, number[:398].reshape(-1, 2)),
     "path_length": lambda: _core.path_length(points),
     "bridge": lambda: _core.bridge(points[:9], points[9:18], 0.1, 0.1),
     "straighten": lambda: _core.straighten(points[:40], 0.1, 0.2),
     "visibility": lambda: _core.Visibility([points], [points], [eye]).states(points, 0.05),
     "visibility, image": lambda: _core.Visibility([(depth, *camera)], [points], [eye]).free(points, 0.1),
-    "blob_numbers": lambda: _core.blob_numbers(mask),
-    "edge_distances": lambda: _core.edge_distances(mask, 40),
-    "largest_blob": lambda: _core.largest_blob(mask),
-    "shown_radius": lambda: _core.shown_radius(mask),
+    "number_blobs": lambda: _core.number_blobs(mask),
+    "measure_edge_distances": lambda: _core.measure_edge_distances(mask, 40),
+    "measure_largest_blob": lambda: _core.measure_largest_blob(mask),
+    "estimate_mask_radius": lambda: _core.estimate_mask_radius(mask),
     "convolved": lambda: _core.convolved(flat, [0.5, 0.25]),
-    "short_outlines": lambda: _core.short_outlines(flat, [1.0], 3),
+    "find_short_outlines": lambda: _core.find_short_outlines(flat, [1.0], 3),
     "TubeQueries": lambda: _core.TubeQueries([points[:40]], [points[:40, 0]], [0.1]).signed_distances(points),
     "swept_spheres": lambda: tubes.swept_spheres(points[:99], points[99:198], points[:99, 0]),
     "ray_hits": lambda: tubes.ray_hits(points[:99], points[99:198]),
-    "knot": lambda: _core.knot(points[:24], False),
-    "knot_diagram": lambda: _core.knot_diagram(points[:24], False, (0.1, 0.2, 1.0)),
-    "order_probability": lambda: _core.order_probability(points[:24], False, (0, 0, 1.0), points[:2], True),
-    "linking_number": lambda: _core.linking_number(points[:24], points[24:48], [True, True]),
-    "RopeImages": lambda: _core.RopeImages([depth], [mask], [camera], [eye], 0.02).readings(1, 2, [0]),
+    "identify_knot": lambda: _core.identify_knot(points[:24], False),
+    "draw_knot": lambda: _core.draw_knot(points[:24], False, (0.1, 0.2, 1.0)),
+    "find_order_probability": lambda: _core.find_order_probability(
+        points[:24], False, (0, 0, 1.0), points[:2], True
+    ),
+    "find_linking_number": lambda: _core.find_linking_number(points[:24], points[24:48], [True, True]),
+    "RopeImages": lambda: _core.RopeImages([depth], [mask], [camera], [eye], 0.02).find_readings(1, 2, [0]),
 }}
 done = False
 
@@ -145,7 +147,7 @@ def test_nobody_can_write_to_the_arrays_of_a_fit():
     fit = strand.fit_tubes(
         [points], [[2.0, 0.0, 50.0]], [control], [np.eye(4)], 1.0, pose_sd=(0.01, 0.01), reference=0
     )
-    extents = strand._core.rope_extents(fit)
+    extents = strand._core.find_extents(fit)
     kept = {name: np.array(getattr(fit, name)) for name in ("curve", "points", "inlier", "radii")}
     for changed in (fit, fit.replace(**kept), pickle.loads(pickle.dumps(fit))):
         for array in (changed.curve, changed.points, changed.inlier, changed.radii, changed.curves[0]):
@@ -153,11 +155,11 @@ def test_nobody_can_write_to_the_arrays_of_a_fit():
                 array.setflags(write=True)
         for array in kept.values():
             array[...] = 0
-        assert strand._core.rope_extents(changed) == extents
+        assert strand._core.find_extents(changed) == extents
     with pytest.raises(ValueError, match="curve"):
         fit.replace(curve=np.full(600, 2**40))
     with pytest.raises(ValueError, match="radii"):
-        strand._core.rope_extents(fit.replace(radii=np.array([1e-300])))
+        strand._core.find_extents(fit.replace(radii=np.array([1e-300])))
 
 
 def test_this_file_names_every_kernel_that_takes_arrays():
@@ -165,8 +167,8 @@ def test_this_file_names_every_kernel_that_takes_arrays():
     functions = {
         line.split("(")[0].removeprefix("def ") for line in stub.splitlines() if line.startswith("def ")
     }
-    quick = {"set_num_threads", "num_threads", "cores", "rope_extents"}
+    quick = {"set_num_threads", "num_threads", "count_cores", "find_extents"}
     several = {"count_neighbors_each", "estimate_normals_each", "register_in_turn"}
-    small = {"arc_lengths", "end_direction", "bending", "join_cost", "occludes"}
+    small = {"tabulate_arc_length", "end_direction", "measure_bending", "price_join", "occludes"}
     missing = {name for name in functions - quick - several - small if f"{name}(" not in RACE}
     assert not missing

@@ -172,7 +172,7 @@ def test_a_chain_that_starts_and_ends_anywhere_has_round_ends_and_a_ring_has_non
 
 @pytest.mark.parametrize("closed", [False, True])
 def test_arc_lengths_are_those_of_the_smooth_curve(closed):
-    curve = Curve.whole(strand._core.spline_through(draw_circle(0.05, 60, False).points, 0.02, 0.0))
+    curve = Curve.whole(strand._core.fit_spline(draw_circle(0.05, 60, False).points, 0.02, 0.0))
     s = curve.spaced(0.004)
     chain = Chain(curve.at(s)[0], 0.004, closed=closed, curve=curve)
     rng = np.random.default_rng(0)

@@ -9,7 +9,7 @@ import pytest
 
 import strand
 from strand import synthetic
-from strand._core import EndObservation, spline_through
+from strand._core import EndObservation, fit_spline
 from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
 
 R = 0.0042
@@ -21,7 +21,7 @@ WRONG = ["a", None, float("nan"), float("inf"), -1.5, [], np.zeros((2, 5)), np.z
 FIT = {
     "points": [view.world_points for view in CLOUDS],
     "viewpoints": np.array([view.viewpoint for view in CLOUDS]),
-    "curves": [spline_through(LINE, 1.5 * R, 0.0)],
+    "curves": [fit_spline(LINE, 1.5 * R, 0.0)],
     "motions": np.tile(np.eye(4), (3, 1, 1)),
     "radius": R,
     "pose_sd": (0.01, 0.002),

@@ -104,5 +104,5 @@ def _segment_standing(above: Array, seen: NDArray[np.bool_], distance: float) ->
     smooth, shares = smooth_where_seen(cut, seen, _SMOOTHING)
     scatter = robust_deviation(smooth[seen & (np.abs(smooth) < _TABLE_HEIGHT)])
     found = (shares > MIN_SEEN) & (smooth > max(_DEVIATIONS * scatter, _MIN_HEIGHT))
-    numbers = _core.blob_numbers(found)
+    numbers = _core.number_blobs(found)
     return np.asarray(found & (np.bincount(numbers.ravel())[numbers] >= _MIN_BLOB))

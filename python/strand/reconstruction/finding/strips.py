@@ -71,7 +71,7 @@ def segment_ropes(
     others : list of OtherObject
     """
     wide = _open_mask(image, radius)
-    things, numbers = np.zeros_like(wide), _core.blob_numbers(wide)
+    things, numbers = np.zeros_like(wide), _core.number_blobs(wide)
     others = []
     for rows, columns in _split_blobs(numbers):
         highest = float(np.quantile(top.above[rows, columns], _TOP))
@@ -80,10 +80,10 @@ def segment_ropes(
             reason = f"wider than ropes of radius {1e3 * radius:.1f} mm, and {1e3 * highest:.0f} mm high"
             others.append(OtherObject(view, _find_middle(image, rows, columns), reason))
     things |= wide & _select_around(image, things, top.plane, radius)
-    near = _core.edge_distances(~things, 8) if things.any() else np.full(wide.shape, np.inf)
+    near = _core.measure_edge_distances(~things, 8) if things.any() else np.full(wide.shape, np.inf)
     mask = image.mask & (near > _EDGE)
     lengths = measure_strip_lengths(replace(image, labels=mask.copy())) / radius
-    for number, (rows, columns) in enumerate(_split_blobs(_core.blob_numbers(mask)), 1):
+    for number, (rows, columns) in enumerate(_split_blobs(_core.number_blobs(mask)), 1):
         length = float(lengths[number]) if number < len(lengths) else 0.0
         height = float(np.median(top.above[rows, columns])) / radius
         beside = bool((near[rows, columns] <= 2.0 * _EDGE).any())
@@ -116,10 +116,12 @@ def _open_mask(image: DepthImage, radius: float) -> NDArray[np.bool_]:
     """Return the pixels in discs that fit into the mask and are wider than crossing strands."""
     with np.errstate(divide="ignore"):
         reach = _WIDE * radius * image.camera.focal[0] / image.depth
-    core = image.mask & (_core.edge_distances(image.mask, sum(image.mask.shape)) - 0.5 > reach)
+    core = image.mask & (_core.measure_edge_distances(image.mask, sum(image.mask.shape)) - 0.5 > reach)
     if not core.any():
         return core
-    return np.asarray(image.mask & (core | (_core.edge_distances(~core, sum(core.shape)) < reach + 0.5)))
+    return np.asarray(
+        image.mask & (core | (_core.measure_edge_distances(~core, sum(core.shape)) < reach + 0.5))
+    )
 
 
 def _select_around(
@@ -138,6 +140,6 @@ def _select_around(
     cells = np.floor((plan - low) / side).astype(np.int64) + margin
     grid = np.zeros(cells.max(axis=0) + margin + 1, dtype=bool)
     grid[tuple(cells[things[rows, columns]].T)] = True
-    covered = grid | (_core.edge_distances(~grid, 8) <= _BESIDE)
+    covered = grid | (_core.measure_edge_distances(~grid, 8) <= _BESIDE)
     found[rows, columns] = covered[tuple(cells.T)]
     return found

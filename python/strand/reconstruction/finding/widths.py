@@ -34,7 +34,7 @@ def measure_strip_lengths(image: DepthImage, radius: float | None = None) -> Arr
     With a radius, metres, only strips of about this half width count.
     """
     logs, lengths, middle = _find_middles(image)
-    own = _core.blob_numbers(image.mask)[middle]
+    own = _core.number_blobs(image.mask)[middle]
     if radius is not None:
         lengths = np.where(np.abs(logs - np.log(radius)) < _SAME_WIDTH, lengths, 0.0)
     return np.asarray(np.bincount(own, lengths), dtype=np.float64)
@@ -42,7 +42,7 @@ def measure_strip_lengths(image: DepthImage, radius: float | None = None) -> Arr
 
 def _find_middles(image: DepthImage) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return logarithms of half widths, and lengths, metres, at the pixels of strips' middles; and these."""
-    away = _core.edge_distances(image.mask, sum(image.mask.shape))
+    away = _core.measure_edge_distances(image.mask, sum(image.mask.shape))
     around = np.pad(away, 1)
     height, width = away.shape
     most = away.copy()

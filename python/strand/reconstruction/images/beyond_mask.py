@@ -50,7 +50,7 @@ def doubt_ends_beyond_masks(
             outward /= max(float(np.linalg.norm(outward)), np.finfo(float).tiny)
             others = [way[from_end > _OWN * radius], *(x for k, x in enumerate(chains) if k != number)]
             beyond = way[0] + radius * _PLACES[:, None] * outward
-            away = _core.squared_distances(beyond, np.concatenate(others))
+            away = _core.find_squared_distances(beyond, np.concatenate(others))
             beyond = beyond[away > (_MIN_OTHER_DISTANCE * radius) ** 2]
             inside = np.column_stack([np.interp(_PLACES * radius, from_end, axis) for axis in way.T])
             places = np.vstack([beyond, inside])

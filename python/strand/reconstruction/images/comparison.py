@@ -99,7 +99,7 @@ def find_likely_readings(
     more : float
         Cost above the best reading's: readings that cost more are dropped, but for the best two.
     """
-    found = [Reading(*each) for each in images.readings(ropes, most, list(views))]
+    found = [Reading(*each) for each in images.find_readings(ropes, most, list(views))]
     found.sort(key=lambda reading: reading.cost)
     return [
         reading

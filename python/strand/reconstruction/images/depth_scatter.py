@@ -30,7 +30,7 @@ def measure_depth_scatter(whole: Sequence[View], views: Sequence[View], wide: fl
     images = [view.image for view in whole if view.image is not None]
     if len(images) < len(whole):
         return 0.0
-    bends = _core.depth_bends(
+    bends = _core.measure_depth_bends(
         [image.depth for image in images],
         [image.camera for image in images],
         [view.points for view in views],

@@ -159,7 +159,7 @@ def _locate_uncovered(views: Sequence[DepthImage], chains: Sequence[Array], radi
         rows, columns = np.nonzero(view.mask & (view.depth > 0))
         seen = view.project(nodes)
         pixels = np.column_stack([columns, rows, np.zeros(len(rows))])
-        away = _core.squared_distances(pixels, np.column_stack([seen, np.zeros(len(seen))]))
+        away = _core.find_squared_distances(pixels, np.column_stack([seen, np.zeros(len(seen))]))
         k = int(away.argmax())
         across = np.sqrt(away[k]) * view.distance / (radius * view.camera.focal[0])
         if across > farthest[0]:

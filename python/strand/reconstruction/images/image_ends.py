@@ -47,11 +47,11 @@ def move_ends(images: RopeImages, fit: ImageFit, table: Plane, noise: float, rad
             rest = [*chains[:number], nodes[:stem], *chains[number + 1 :]]
             ends = [way[stem - 1 :] for way in ways]
             # of equal gains, as behind other strands, the first is the end as it was found
-            best = int(np.argmax(images.end_gains(rest, ends, fit.corrections, table, noise)))
+            best = int(np.argmax(images.measure_end_gains(rest, ends, fit.corrections, table, noise)))
             moved |= best > 0
             # reversed for the other end, and back in order after it
             chains[number] = np.ascontiguousarray(ways[best][::-1])
-    return images.through(fit, chains) if moved else fit
+    return images.replace_nodes(fit, chains) if moved else fit
 
 
 def _change_end(nodes: Array, cut: float, added: float, slope: float, table: Plane, radius: float) -> Array:

@@ -33,7 +33,7 @@ def make_chains(
     config : Config
     """
     chains = []
-    support = images.support(fit)
+    support = images.count_support(fit)
     for control, covariances, (counts, views) in zip(fit.controls, fit.covariances, support, strict=True):
         curve = Curve.whole(control)
         s = curve.spaced(config.tubes.node_spacing * radius)

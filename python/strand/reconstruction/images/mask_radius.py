@@ -28,14 +28,14 @@ def estimate_mask_radius(image: DepthImage) -> tuple[Array, Array]:
     strand.NotEnoughDataError
         If the mask shows no rope with depth.
     """
-    pixels = _core.shown_radius(image.mask)
+    pixels = _core.estimate_mask_radius(image.mask)
     if pixels is None or np.isnan(image.distance):
         raise NotEnoughDataError("views: the masks show no rope with depth")
     scale = image.distance / image.camera.focal[0]
     radius = pixels * scale
     chains: list[Array] = []
     for _ in range(_ROUNDS):
-        readings = prepare_images([image], radius).readings(None, 1, [0])
+        readings = prepare_images([image], radius).find_readings(None, 1, [0])
         chains = [nodes for _, _, ropes, _ in readings for nodes in ropes]
         if not chains:
             break

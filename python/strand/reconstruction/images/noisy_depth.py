@@ -73,7 +73,7 @@ class _Scene:
     def measure_gains(self, images: RopeImages, several: Sequence[Explanation]) -> list[float]:
         """Return how much better the depths of all pixels agree with explanations than with a bare table."""
         ropes = [(one.fit.nodes, one.fit.corrections) for one in several]
-        return images.depth_gains(ropes, self.table, self.noise)
+        return images.measure_depth_gains(ropes, self.table, self.noise)
 
     def fit(self, images: RopeImages, readings: Sequence[Reading]) -> list[Explanation]:
         pairs = fit_readings(images, readings, self.table, self.held, self.errors, self.config)

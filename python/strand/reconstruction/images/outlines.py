@@ -94,7 +94,7 @@ def outline_ropes(
     clipped = np.clip(above[part] / radius, MIN_HEIGHT, _MAX_HEIGHT)
     evidence = np.where(seen[part], (_EDGE_HEIGHT - clipped) * _EDGE_HEIGHT / max(variance, 1e-6), 0.0)
     found = []
-    for outline in _core.short_outlines(evidence.astype(np.float32), weights, _STEPS):
+    for outline in _core.find_short_outlines(evidence.astype(np.float32), weights, _STEPS):
         mask = np.zeros_like(image.mask)
         mask[part] = outline
         found.append(replace(image, labels=mask) if outline.any() else image)

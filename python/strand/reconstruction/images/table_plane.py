@@ -195,7 +195,7 @@ def _is_wide(points: Array, plane: Plane) -> bool:
         return False
     taken: NDArray[np.bool_] = np.zeros(size, dtype=bool)
     taken[tuple((cells + 1).T)] = True
-    inner = int(np.count_nonzero(_core.edge_distances(taken, 4) > 1.5))
+    inner = int(np.count_nonzero(_core.measure_edge_distances(taken, 4) > 1.5))
     return inner >= _MIN_INNER_CELLS and inner >= _MIN_INNER_SHARE * int(np.count_nonzero(taken))
 
 

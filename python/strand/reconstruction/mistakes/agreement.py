@@ -192,7 +192,7 @@ def _median_distance(own: Array, other: Array) -> float:
     """Return the median distance from points to the nearest of others, metres; infinite without points."""
     if not len(own) or not len(other):
         return float("inf")
-    return float(np.sqrt(np.median(_core.squared_distances(_sample(own), other))))
+    return float(np.sqrt(np.median(_core.find_squared_distances(_sample(own), other))))
 
 
 def _in_field_of_view(points: Array, view: View) -> NDArray[np.bool_]:

@@ -85,7 +85,7 @@ def drop_duplicates(arcs: Sequence[Array], radius: float) -> list[Array]:
     for arc, length in zip(arcs, lengths, strict=True):
         longer = [other for other, its in zip(arcs, lengths, strict=True) if its > length]
         if length < _MAX_DUPLICATE * radius and longer:
-            distance = np.sqrt(_core.squared_distances(arc, np.concatenate(longer)))
+            distance = np.sqrt(_core.find_squared_distances(arc, np.concatenate(longer)))
             if np.median(distance) < _BESIDE * radius:
                 continue
         kept.append(arc)

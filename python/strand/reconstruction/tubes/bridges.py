@@ -34,7 +34,7 @@ def _measure_curvature(nodes: Array) -> Array:
 def price_bridge(nodes: Array, evidence: JoinEvidence) -> float:
     """Return a bridge's bending energy times the radius, plus a price for its length in free space."""
     radius, visibility = evidence.radius, evidence.visibility
-    cost = radius * _core.bending(nodes)
+    cost = radius * _core.measure_bending(nodes)
     if visibility is not None:
         free = float(visibility.free(nodes, radius).mean() * path_length(nodes)[-1])
         cost += evidence.config.seen_through * free / radius

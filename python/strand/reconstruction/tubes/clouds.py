@@ -44,7 +44,7 @@ class Clouds:
     def from_views(cls, views: Sequence[View], bounds: Box | None, reference: int | None = None) -> Clouds:
         """Return the views' points; the middle view is the reference if none is given."""
         viewpoints = np.array([view.viewpoint for view in views])
-        points = [_core.constant_copy(view.world_points) for view in views]
+        points = [_core.copy_constant(view.world_points) for view in views]
         return cls(points, viewpoints, len(views) // 2 if reference is None else reference, bounds)
 
     @property
@@ -56,12 +56,12 @@ class Clouds:
         """Return every `step`-th point of each view."""
         if step == 1:
             return self
-        return replace(self, points=[_core.constant_copy(cloud[::step]) for cloud in self.points])
+        return replace(self, points=[_core.copy_constant(cloud[::step]) for cloud in self.points])
 
     def find_step(self, radius: float) -> int:
         """Return the largest step of `thin` that leaves enough points for tracing."""
         count = sum(map(len, self.points))
-        occupied = _core.occupied_voxels(self.points, 2.0 * radius)
+        occupied = _core.count_voxels(self.points, 2.0 * radius)
         return max(round(count / (_TRACED_POINTS * max(occupied, 1))), 1)
 
     def thin_for_tracing(self, radius: float) -> Clouds:

@@ -45,6 +45,6 @@ def fit_curves(
 def make_splines(arcs: Arcs, radii: Array, config: Config, margin: float) -> list[Array]:
     """Return control points of splines through arcs, extended at both ends by a margin in radii."""
     return [
-        _core.spline_through(nodes, config.tubes.spacing * radii[number], margin * radii[number])
+        _core.fit_spline(nodes, config.tubes.spacing * radii[number], margin * radii[number])
         for nodes, number in zip(arcs.nodes, arcs.classes, strict=True)
     ]

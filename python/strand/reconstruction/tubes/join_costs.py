@@ -84,10 +84,10 @@ def price_joins(arcs: Sequence[Array], evidence: JoinEvidence) -> JoinCosts:
         if ring and (config.rings == "never" or path_length(arcs[i // 2])[-1] < config.loop * radius):
             continue
         (p, leave), (q, arrive) = ends[i], ends[j]
-        cost = _core.join_cost(p, leave, q, arrive, radius)
+        cost = _core.price_join(p, leave, q, arrive, radius)
         if distance[i, j] < _SHORT_GAP * radius:
             # over a short gap the last nodes' noise turns the curve: start a radius before them too
-            cost = min(cost, _core.join_cost(*back[i], *back[j], radius))
+            cost = min(cost, _core.price_join(*back[i], *back[j], radius))
         if contrast is not None:
             cost += float(contrast[i, j])
         if cost < 2.0 * config.free_end and visibility is not None and distance[i, j] > _MIN_VISIBLE * radius:

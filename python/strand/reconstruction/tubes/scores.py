@@ -56,7 +56,7 @@ def price_explanation(fit: TubeFit, visibility: Visibility | None) -> float:
         places.append(s[::2])
         number.append(np.full(len(s[::2]), k))
     center, place, which = np.concatenate(centers), np.concatenate(places), np.concatenate(number)
-    near = _core.overlapping(center, which, place, _MIN_DISTANCE * r, _OWN * r)
+    near = _core.find_overlaps(center, which, place, _MIN_DISTANCE * r, _OWN * r)
     if visibility is not None:
         # the height of bridges that no camera could see is not known
         near &= ~visibility.occluded(center, r)

@@ -52,7 +52,7 @@ def _trace_radius(fit: TubeFit, r: float) -> list[Array]:
     lost = find_unexplained(fit)
     if lost.sum() < _MIN_POINTS:
         return []
-    typical = _core.typical_neighbors(fit.points, r)
+    typical = _core.count_typical_neighbors(fit.points, r)
     points, to_camera = fit.points[lost], fit.to_camera[lost]
     crowded = _core.count_neighbors(points, r) >= _MIN_NEIGHBORS * typical
     points, to_camera = points[crowded], to_camera[crowded]
@@ -65,8 +65,8 @@ def _trace_radius(fit: TubeFit, r: float) -> list[Array]:
     arcs = _core.trace_tubes(points, points + 100.0 * r * to_camera, r, min_nodes=_MIN_NODES)
     found = []
     for nodes, _ in arcs:
-        clear = np.sqrt(_core.squared_distances(nodes, known))
-        near = _core.squared_distances(points, nodes) < (_REACH * r) ** 2
+        clear = np.sqrt(_core.find_squared_distances(nodes, known))
+        near = _core.find_squared_distances(points, nodes) < (_REACH * r) ** 2
         length = float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum()) + r
         if np.median(clear) > _MIN_CLEARANCE * r and near.sum() > enough * length:
             found.append(nodes)

@@ -34,7 +34,7 @@ def find_extents(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
         ]
     return [
         None if extent is None else Curve(control, *extent)
-        for control, extent in zip(fit.curves, _core.rope_extents(fit, tolerance), strict=True)
+        for control, extent in zip(fit.curves, _core.find_extents(fit, tolerance), strict=True)
     ]
 
 

@@ -38,7 +38,7 @@ def test_a_mask_without_rope_shows_no_radius():
 def test_a_mask_of_most_of_an_image_is_as_wide_as_it_is(columns):
     mask = np.zeros((480, 640), bool)
     mask[:, :columns] = True
-    assert _core.shown_radius(mask) == pytest.approx(min(columns, 480) / 2, rel=0.02)
+    assert _core.estimate_mask_radius(mask) == pytest.approx(min(columns, 480) / 2, rel=0.02)
 
 
 def test_an_unknown_radius_of_masked_ropes_is_estimated_and_warned_of():

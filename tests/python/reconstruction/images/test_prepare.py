@@ -42,7 +42,7 @@ def test_views_and_polylines_that_are_none_are_refused():
     image = prepare_images(make_rope_images(SCENE.views, SCENE.views, None), SCENE.radius)
     line = np.array([[100.0, 100.0], [150.0, 120.0]])
     with pytest.raises(ValueError, match="no view 3"):
-        image.reading_cost(3, [line])
+        image.price_reading(3, [line])
     with pytest.raises(ValueError, match="no view 7"):
         image.fit([(7, [line])], None, 1, (0.01, 0.01), (None, 3.0, 0.3, 0.0), 2, False)
     for wrong in (line[:1], np.ones((4, 3))):
@@ -83,7 +83,7 @@ def test_readings_whose_depth_jumps_to_and_fro_are_no_ropes():
 
     def fitted(depth):
         images = strand._core.RopeImages([depth], [mask], [camera], [np.eye(4)], 0.005)
-        readings = images.readings(1, 2, [0])
+        readings = images.find_readings(1, 2, [0])
         return images.fit([(0, chains) for _, _, chains, _ in readings], table, 0, sd, errors, 5, False)
 
     assert fitted(depth)[0] is not None
