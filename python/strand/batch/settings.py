@@ -38,7 +38,7 @@ DIGITS = 16
 
 @dataclass(frozen=True, eq=False)
 class Settings:
-    """What is known about all recordings of a batch, and how to read them.
+    """The settings of a batch: what is known about all recordings, and how to read them.
 
     A scene's own radius and bounds apply where the settings have none.
 

@@ -1,7 +1,4 @@
-"""Simulated ropes on a table and a depth camera that sees them: views with known true centrelines.
-
-For users without a camera, and for demonstrations, tests and benches.
-"""
+"""Simulated scenes: depth images of ropes with known centrelines, for tests and users without a camera."""
 
 from strand.synthetic.camera import Camera, camera_pose
 from strand.synthetic.cluttered_scenes import cluttered_scene

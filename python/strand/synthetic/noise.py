@@ -63,7 +63,7 @@ def _check_flying(flying: float) -> float:
 
 
 def _misplaced(pose: Array, angle: float, dx: float, dy: float) -> Array:
-    """(4, 4) The pose turned about the world's z axis, then shifted in the table plane."""
+    """Return the pose, turned about the world's z axis and then shifted in the table plane."""
     motion = np.eye(4)
     motion[:2, :2] = make_plane_rotation(angle)
     motion[:2, 3] = dx, dy

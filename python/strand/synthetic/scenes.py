@@ -1,6 +1,6 @@
-"""Simulated scenes: ropes on a table, seen from several sides, with the truth about them.
+"""Simulated scenes: depth images of ropes on a table, and the truth.
 
-A scene is drawn from a seed: the same arguments give the same scene, bit for bit.
+The same arguments give the same scene, bit for bit.
 """
 
 from __future__ import annotations
@@ -35,33 +35,32 @@ _FLYING = 0.05  # default fraction of the pixels at steps that fly
 
 @dataclass(frozen=True, eq=False)
 class SyntheticScene:
-    """Depth images of ropes on a table, and the truth about them.
+    """Depth images of ropes, and the truth.
 
     Attributes
     ----------
     name : str
-        What to call it.
     depth : (V, H, W) ndarray of uint16
-        Depth along the camera's z axis in units of `depth_scale`; 0 for no return.
+        Depth along the camera's z axis, in units of `depth_scale`; 0 for no return.
     depth_scale : float
-        Metres for each unit of depth.
+        Metres per unit of depth.
     intrinsics : (3, 3) ndarray
-        The pinhole matrix, pixels; an integer pixel is a pixel centre.
+        The pinhole matrix, pixels; integer coordinates are pixel centres.
     poses : (V, 4, 4) ndarray
-        Camera-to-world poses as read off the stage, a little wrong in the table plane.
+        Camera-to-world poses with errors in the table plane, as from a turntable.
     poses_true : (V, 4, 4) ndarray
-        The poses that the images were taken from.
+        The true camera-to-world poses.
     bounds : pair of (3,) ndarray
-        Low and high corner of the extraction range in the world frame, metres: cuts the table away.
+        Low and high corner of the extraction range in the world frame, metres.
     radius : float
         The ropes' radius, metres.
     truth : tuple of (M, 3) ndarray
-        The ropes' centrelines in the world frame, metres, end to end.
+        The ropes' true centrelines in the world frame, metres, from end to end.
     noise : float
-        Standard deviation of the depths, metres; of an imitated camera a robust one (1.4826 times the median
-        absolute error) over the ropes' pixels, with all that is systematic.
+        Standard deviation of the depths, metres. With an imitated device, it is a robust estimate from the
+        errors of the ropes' pixels (1.4826 times the median absolute error), systematic errors included.
     mask : (V, H, W) ndarray of bool or int, or None
-        The ropes' pixels as a segmenter gives them, as `View.from_depth` takes them; None: not known.
+        The ropes' pixels, as in `View.from_depth`; None without masks.
     """
 
     name: str
@@ -78,7 +77,7 @@ class SyntheticScene:
 
     @property
     def views(self) -> tuple[View, ...]:
-        """The images as views, with the poses as read off the stage."""
+        """The images as views, with `poses`."""
         masks = [None] * len(self.depth) if self.mask is None else self.mask
         return tuple(
             View.from_depth(image, self.intrinsics, pose, depth_scale=self.depth_scale, mask=mask)
@@ -86,15 +85,15 @@ class SyntheticScene:
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an `.npz` file that `strand.load_scene` reads, whole or not at all.
+        """Write an `.npz` file that `strand.load_scene` reads.
 
-        Besides what that reads it holds `poses_true` and `noise`. The centrelines are written in
-        single precision.
+        The file also holds `poses_true` and `noise`. The centrelines have single precision. If writing fails,
+        no partial file is left.
 
         Parameters
         ----------
         path : str or path-like
-            The file; one that exists is replaced.
+            The file to write or replace.
 
         Raises
         ------
@@ -287,7 +286,7 @@ def _find_ropes(
 
 
 def _place_shape(name: str, radius: float, length: float | None, rng: np.random.Generator) -> Array:
-    """(M, 3) The nodes of a shape, stretched, mirrored, turned and shifted at random."""
+    """Return the (M, 3) nodes of a shape, stretched, mirrored, turned and shifted at random."""
     turn, axis = rng.uniform(0.0, 2.0 * np.pi, size=2)
     stretch = math.exp(rng.uniform(-_SQUEEZE, _SQUEEZE))
     mirror = rng.choice([-1.0, 1.0])

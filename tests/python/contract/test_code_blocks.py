@@ -127,7 +127,7 @@ def first_grasp(names, out, folder):
 
 
 def recipes(names, out, folder):
-    assert names["distance"] < 1e-6
+    assert names["near"].distance[0] < 1e-6
     np.testing.assert_allclose(names["same_place"], names["middle"][:3, 3], atol=1e-4)
     assert len(names["every_20_mm"]) == 21
     assert names["long"].length > names["short"].length
