@@ -1,4 +1,4 @@
-"""Recordings for the tests of batches, and the table of them."""
+"""Recordings for the tests of batches, and their table."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def recordings(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def expected(recordings, tmp_path_factory):
-    """The table of a run that nothing disturbed, by two workers."""
+    """The table of an undisturbed run with two workers."""
     out = tmp_path_factory.mktemp("expected")
     assert run(recordings, out, SETTINGS, root=recordings, workers=2) == Counts(COUNT, 0, COUNT, 0)
     return read_table(out)

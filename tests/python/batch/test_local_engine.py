@@ -33,7 +33,7 @@ from strand.batch.work import Work
 
 
 def again(recordings, out):
-    """Run once more, and return what was done."""
+    """Run the batch again, and return its counts."""
     return run(recordings, out, SETTINGS, root=recordings, workers=1)
 
 
@@ -49,7 +49,7 @@ def fork(_):
     if not forks:
         forks.append(os.fork())
         if forks == [0]:
-            # holds what the driver has open
+            # this process keeps the driver's pipes open
             os.setpgid(0, 0)
             time.sleep(600)
 
@@ -71,9 +71,7 @@ def until(true, seconds=60.0):
         time.sleep(0.002)
 
 
-def test_a_driver_that_is_killed_leaves_whole_shards_and_the_next_completes_them(
-    recordings, expected, tmp_path
-):
+def test_a_killed_driver_leaves_whole_shards_and_the_next_run_completes_them(recordings, expected, tmp_path):
     out = tmp_path / "out"
     prepare_folder(out, SETTINGS, recordings)
     (tmp_path / "driver.py").write_text(DRIVER)
@@ -87,7 +85,7 @@ def test_a_driver_that_is_killed_leaves_whole_shards_and_the_next_completes_them
     assert len(workers) >= 2
     driver.kill()
     driver.wait()
-    # whoever worked for it ends what it has, and then itself, though what it forked lives on
+    # the workers finish their units and end, although the forked process lives on
     try:
         until(lambda: not any(Path(f"/proc/{one}").exists() for one in workers))
     finally:
@@ -100,7 +98,7 @@ def test_a_driver_that_is_killed_leaves_whole_shards_and_the_next_completes_them
     assert len(list_shards(out)) == COUNT
 
 
-def test_a_worker_that_is_killed_is_replaced_and_its_unit_made(recordings, expected, tmp_path):
+def test_a_killed_worker_is_replaced_and_its_unit_made(recordings, expected, tmp_path):
     killed = []
 
     def kill(done):
@@ -118,7 +116,7 @@ def test_a_worker_that_is_killed_is_replaced_and_its_unit_made(recordings, expec
 
 @pytest.fixture
 def killed_at_start(monkeypatch):
-    """Have the first processes killed before they are ready, so many as are asked for."""
+    """Return a function that makes the first `most` processes die before they are ready."""
     started = local_engine._start_worker
 
     def kill(most):
@@ -142,11 +140,11 @@ def test_workers_that_are_killed_while_they_start_are_replaced(recordings, kille
     pids = killed_at_start(MAX_ATTEMPTS)
     answers = list(local_engine.run_units(interrupt, iter(units), workers=2, threads=1))
     assert len(pids) == MAX_ATTEMPTS
-    # none of these deaths is a unit's
+    # these deaths do not count against a unit
     assert sorted(unit.recording for unit, written in answers if written) == [one.recording for one in units]
 
 
-def test_processes_that_are_always_killed_are_not_started_for_ever(recordings, killed_at_start):
+def test_failed_starts_end_with_an_error(recordings, killed_at_start):
     pids = killed_at_start(99)
     with pytest.raises(EngineError, match=r"processes do not start \(exit code -9\)$"):
         next(
@@ -158,7 +156,7 @@ def test_processes_that_are_always_killed_are_not_started_for_ever(recordings, k
     assert not multiprocessing.active_children()
 
 
-def test_where_no_process_can_be_started_is_said_before_one_is(recordings, monkeypatch):
+def test_processes_that_cannot_start_are_refused_early(recordings, monkeypatch):
     def begin():
         next(
             local_engine.run_units(
@@ -177,7 +175,7 @@ def test_where_no_process_can_be_started_is_said_before_one_is(recordings, monke
         begin()
 
 
-def test_a_unit_that_ends_every_process_is_given_up_and_others_are_not(recordings, tmp_path):
+def test_only_the_unit_that_kills_every_process_is_given_up(recordings, tmp_path):
     out, notes = tmp_path / "out", tmp_path / "notes"
     notes.mkdir()
     prepare_folder(out, SETTINGS, recordings)
@@ -196,7 +194,7 @@ def test_a_unit_that_ends_every_process_is_given_up_and_others_are_not(recording
 
 
 def mounted(folder, size):
-    """Whether a small disk can be mounted there: that takes rights that not everyone has."""
+    """Mount a small disk at a folder, and tell whether the user may do that."""
     folder.mkdir(exist_ok=True)
     words = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
     return subprocess.run(words, capture_output=True).returncode == 0
@@ -204,7 +202,7 @@ def mounted(folder, size):
 
 @pytest.fixture
 def disk(tmp_path):
-    """A folder, and whether it is a disk of its own that holds few shards."""
+    """A folder, and whether it is a small disk of its own."""
     folder = tmp_path / "disk"
     own = mounted(folder, "256k")
     yield folder, own
@@ -212,7 +210,7 @@ def disk(tmp_path):
         subprocess.run(["umount", str(folder)], check=True)
 
 
-def test_a_disk_that_fills_up_stops_the_run_and_leaves_whole_shards(recordings, expected, disk):
+def test_a_full_disk_stops_the_run_and_leaves_whole_shards(recordings, expected, disk):
     out, own = disk
     if own:
         with pytest.raises(OSError, match="No space left") as raised:
@@ -232,7 +230,7 @@ def test_a_disk_that_fills_up_stops_the_run_and_leaves_whole_shards(recordings, 
     assert read_table(out).equals(expected)
 
 
-def test_workers_are_deaf_to_interrupts(recordings):
+def test_workers_ignore_interrupts(recordings):
     units = list(find_units([recordings], SETTINGS, recordings))[:2]
     assert len(list(local_engine.run_units(interrupt, iter(units), 1, 1))) == 2
 
@@ -270,7 +268,7 @@ def test_a_worker_of_another_version_is_refused(recordings, tmp_path):
     assert not list_shards(tmp_path)
 
 
-def test_a_script_without_a_guard_is_told_of_it(recordings, tmp_path):
+def test_a_script_without_a_main_guard_gets_a_hint(recordings, tmp_path):
     (tmp_path / "script.py").write_text(
         f"from strand.batch import run\nrun({str(recordings)!r}, {str(tmp_path / 'out')!r}, workers=1)\n"
     )

@@ -26,7 +26,7 @@ from strand.batch.work import Work
 
 COUNT = 12
 HERE = "127.0.0.1"
-# of the loopback too: who listens on all addresses is reached here, who listens on 127.0.0.1 is not
+# another loopback address: it reaches servers on all addresses, but not those on 127.0.0.1
 ELSEWHERE = "127.0.0.2"
 
 
@@ -45,12 +45,12 @@ def expected(recordings, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def cluster():
-    """The address of a cluster that tells nothing, and is reached from here alone and by its token alone."""
+    """The address of a private cluster: loopback only, with its own token, without statistics."""
     with pytest.MonkeyPatch.context() as patch:
-        # its processes find what this one does
+        # its processes import the same modules as this one
         patch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
         patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-        # else it would leave a key in the user's folder
+        # without a token, Ray would leave one in the user's folder
         patch.setenv("RAY_AUTH_TOKEN", secrets.token_hex(32))
         patch.setenv("RAY_AUTH_MODE", "token")
         # as `ray_engine._loopback_only`, for drivers too
@@ -78,12 +78,12 @@ def test_rows_are_those_of_the_local_engine_bit_for_bit(recordings, expected, cl
     assert [one.made for one in seen] == list(range(1, COUNT + 1))
     assert read_table(tmp_path).equals(expected)
     assert by_ray(recordings, tmp_path, cluster) == Counts(0, COUNT, 0, 0)
-    # what was made by one engine is not made again by the other
+    # one engine skips the other's units
     assert run(recordings, tmp_path, SETTINGS, root=recordings) == Counts(0, COUNT, 0, 0)
     assert not ray.is_initialized()
 
 
-def test_both_workers_work_with_as_many_threads_as_were_asked_for(recordings, cluster):
+def test_both_workers_have_the_given_number_of_threads(recordings, cluster):
     ray.init(address=cluster, log_to_driver=False)
     try:
         alive = [node for node in ray.nodes() if node["Alive"]]
@@ -95,7 +95,7 @@ def test_both_workers_work_with_as_many_threads_as_were_asked_for(recordings, cl
         # each task had the only CPU of its node
         assert len({node for node, _ in answers.values()}) == 2
         assert {threads for _, threads in answers.values()} == {1}
-        # two machines of one CPU have no room for a task of two
+        # a task with two threads does not fit on two machines with one CPU each
         with pytest.raises(ValueError, match="threads: expected at most 1"):
             next(ray_engine.run_units(where, iter(units), 1, 2))
         # a Ray that the caller has connected to stays
@@ -105,7 +105,7 @@ def test_both_workers_work_with_as_many_threads_as_were_asked_for(recordings, cl
 
 
 def reached(nodes, cluster):
-    """Ports of a cluster that are open to others than this machine."""
+    """Return the ports of a cluster that other machines can reach."""
     ports = {int(cluster.rpartition(":")[2])}
     ports |= {node[kind] for node in nodes for kind in ("NodeManagerPort", "ObjectManagerPort")}
     found = set()
@@ -150,13 +150,13 @@ if __name__ == "__main__":
 """
 
 
-def test_ray_that_is_started_here_is_open_to_nobody_says_and_leaves_nothing(tmp_path):
+def test_a_local_ray_is_private_quiet_and_leaves_no_files(tmp_path):
     recordings = save_scenes(tmp_path / "in", 2)
     run(recordings, tmp_path / "expected", SETTINGS, root=recordings, workers=1)
-    # not below tmp_path: names of sockets are short
+    # not below tmp_path: names of sockets must be short
     with tempfile.TemporaryDirectory() as folder:
         path = os.pathsep.join([*sys.path, str(Path(__file__).parent)])
-        # a user's, who has told Ray nothing
+        # the environment of a user who has not configured Ray
         environment = {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
         environment |= {"PYTHONPATH": path, "HOME": folder, "TMPDIR": folder}
         command = [sys.executable, "-c", ALONE, str(recordings), str(tmp_path / "out")]
@@ -167,7 +167,7 @@ def test_ray_that_is_started_here_is_open_to_nobody_says_and_leaves_nothing(tmp_
     assert read_table(tmp_path / "out").equals(read_table(tmp_path / "expected"))
 
 
-def test_room_is_counted_machine_by_machine():
+def test_tasks_are_counted_per_machine():
     nodes = [
         {"Alive": alive, "Resources": {"CPU": cpus}} for alive, cpus in [(True, 3), (True, 5), (False, 8)]
     ]
@@ -180,18 +180,18 @@ def test_room_is_counted_machine_by_machine():
 
 
 @pytest.mark.parametrize("error", [errors.NodeDiedError("gone"), errors.ObjectLostError("ab", None, "")])
-def test_a_machine_that_dies_is_no_other_than_a_process_that_does(monkeypatch, error):
+def test_a_dead_machine_counts_as_a_dead_process(monkeypatch, error):
     assert ray_engine._get_counts(answering(monkeypatch, error), None) is None
 
 
-def test_what_work_raises_is_raised_as_it_was(monkeypatch):
+def test_errors_of_the_work_are_raised_unchanged(monkeypatch):
     full = OSError("No space left")
     with pytest.raises(OSError, match="No space left"):
         ray_engine._get_counts(answering(monkeypatch, errors.RayTaskError("f", "", full)), None)
 
 
 def answering(monkeypatch, error):
-    """Ray, which gives an error instead of an answer."""
+    """Return Ray with a `get` that raises an error."""
 
     def get(reference):
         raise error
@@ -200,7 +200,7 @@ def answering(monkeypatch, error):
     return ray
 
 
-def test_an_error_of_ray_is_one_of_the_engine(recordings, monkeypatch):
+def test_an_error_of_ray_is_an_engine_error(recordings, monkeypatch):
     monkeypatch.setattr(ray, "is_initialized", lambda: True)
     monkeypatch.setattr(ray, "remote", lambda **_: lambda task: task)
 
@@ -212,7 +212,7 @@ def test_an_error_of_ray_is_one_of_the_engine(recordings, monkeypatch):
         next(ray_engine.run_units(where, find_units([recordings], SETTINGS, recordings), 1, 1))
 
 
-def test_a_ray_that_does_not_start_is_an_error_of_the_engine(recordings, monkeypatch):
+def test_a_ray_that_does_not_start_is_an_engine_error(recordings, monkeypatch):
     def other(**_):
         raise RuntimeError("Version mismatch: the cluster has another")
 
@@ -223,7 +223,7 @@ def test_a_ray_that_does_not_start_is_an_error_of_the_engine(recordings, monkeyp
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1:{}", "ray://localhost:{}", "[::1]:{}", "127.0.0.1:99999"])
-def test_where_no_cluster_answers_is_said_at_once(recordings, tmp_path, address):
+def test_a_missing_cluster_is_an_error_at_once(recordings, tmp_path, address):
     with socket.create_server(("127.0.0.1", 0)) as closed:
         port = closed.getsockname()[1]
     begun = time.monotonic()
@@ -233,7 +233,7 @@ def test_where_no_cluster_answers_is_said_at_once(recordings, tmp_path, address)
 
 
 def where(unit):
-    """Work that says on which node it was, and with how many threads."""
+    """Return the node of a task, and its number of threads."""
     import strand
 
     time.sleep(0.3)
@@ -251,12 +251,12 @@ def test_units_are_taken_no_faster_than_they_are_done(recordings, cluster):
 
     ends = ray_engine.run_units(where, given(), 1, 1, cluster)
     for done, _ in enumerate(ends, start=1):
-        # two workers, and for each as many units again that wait
+        # two workers, each with waiting units
         assert len(taken) <= done + 2 * ray_engine.AHEAD
     assert len(taken) == COUNT
 
 
-def test_a_worker_that_is_killed_is_replaced_and_one_that_always_dies_is_a_row(recordings, cluster, tmp_path):
+def test_a_killed_worker_is_replaced_and_a_deadly_unit_given_up(recordings, cluster, tmp_path):
     out, notes = tmp_path / "out", tmp_path / "notes"
     notes.mkdir()
     prepare_folder(out, SETTINGS, recordings)
@@ -291,7 +291,7 @@ run(sys.argv[1], sys.argv[2], SETTINGS, root=sys.argv[1], engine="ray", address=
 """
 
 
-def test_a_driver_that_is_killed_leaves_whole_shards_and_the_next_completes_them(
+def test_a_killed_driver_leaves_whole_shards_and_the_next_run_completes_them(
     recordings, expected, cluster, tmp_path
 ):
     prepare_folder(tmp_path, SETTINGS, recordings)

@@ -1,4 +1,4 @@
-"""Reading batches back: tables, models, the page about them."""
+"""Reading batches: tables, models and the summary page."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_models_are_those_of_reconstruct(batch):
             assert {(w.kind, w.message) for w in got.warnings} == about
 
 
-def test_warnings_are_about_the_chains_in_whose_rows_they_are():
+def test_warnings_name_the_chains_in_whose_rows_they_stand():
     model = strand.Model(
         tuple(strand.Chain(np.array([[0.0, 0, k], [0.1, 0, k], [0.2, 0, k]]), 0.004) for k in range(3)),
         np.empty((0, 4, 4)),
@@ -96,7 +96,7 @@ def test_warnings_are_about_the_chains_in_whose_rows_they_are():
     assert sorted(found) == sorted((one.kind, one.message, one.chains) for one in model.warnings)
 
 
-def test_warnings_of_one_chain_are_about_it_or_about_none():
+def test_warnings_of_a_single_chain_name_it_or_none():
     rows = [{"rope": 0, "warnings": ["cut end: chain 0 runs out", "noise: of all"]}]
     assert [(one.kind, one.chains) for one in reading._make_warnings(rows)] == [
         ("cut end", (0,)),
@@ -126,7 +126,7 @@ def test_damaged_shards_and_unknown_columns_are_errors(tmp_path):
                 read(tmp_path / "out")
 
 
-def test_no_byte_of_a_shard_changes_a_number_unseen(tmp_path):
+def test_a_changed_byte_of_a_shard_is_noticed(tmp_path):
     run(save_scenes(tmp_path / "in", 1), tmp_path / "out", SETTINGS, workers=1)
     (name,) = list_shards(tmp_path / "out")
     shard, before = tmp_path / "out" / name, load_table(tmp_path / "out")
@@ -138,7 +138,7 @@ def test_no_byte_of_a_shard_changes_a_number_unseen(tmp_path):
         except FileFormatError:
             refused += 1
     assert refused > len(whole) // 61 // 2
-    # nor does what says how they are read
+    # changed types are noticed too
     table = pq.read_table(pa.BufferReader(whole))
     place = table.schema.get_field_index("radius")
     other = table.set_column(place, "radius", table["radius"].cast(pa.float32()))
@@ -147,7 +147,7 @@ def test_no_byte_of_a_shard_changes_a_number_unseen(tmp_path):
         load_table(tmp_path / "out")
 
 
-def test_shards_say_their_schema_and_others_are_refused(batch, tmp_path):
+def test_shards_hold_the_version_of_the_schema_and_others_are_refused(batch, tmp_path):
     _, out = batch
     for name in list_shards(out):
         said = pq.read_metadata(out / name).metadata
@@ -160,7 +160,7 @@ def test_shards_say_their_schema_and_others_are_refused(batch, tmp_path):
         load_table(tmp_path)
 
 
-def test_a_summary_counts_what_there_is(batch, tmp_path):
+def test_a_summary_counts_rows_errors_and_ropes(batch, tmp_path):
     _, out = batch
     found = summarize(out)
     assert (found.recordings, found.frames, found.answered) == (3, 5, 4)
@@ -210,17 +210,17 @@ def test_a_summary_counts_what_there_is(batch, tmp_path):
         ("WorkerDied", "WorkerDied"),
     ],
 )
-def test_errors_are_told_apart_by_what_they_say_but_for_paths_and_numbers(error, kind):
+def test_kinds_of_errors_ignore_paths_and_numbers(error, kind):
     assert summary._classify_error(error, "a 12.npz") == kind
 
 
-def test_what_is_no_path_of_the_recording_stays():
+def test_other_paths_stay_in_the_kind_of_an_error():
     error = "FileFormatError: /data/mon/a/0.png: a hole, as in '/data/mon/a' and /other/a/1.png: b/a"
     assert summary._classify_error(error, "mon/a") == "FileFormatError: a hole, as in 'PATH' and PATH: PATH"
     assert summary._classify_error("OSError: a (x", "(x") == "OSError: a (x"
 
 
-def test_files_that_are_broken_alike_are_one_kind(tmp_path):
+def test_equal_errors_of_several_files_are_one_kind(tmp_path):
     folder = tmp_path / "our ropes"
     for name in ("mon/7.bag", "mon/rope b.bag", "tue day/x(1).bag", "tue day/long_1.3.bag", "knöt.bag"):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -258,7 +258,7 @@ def test_a_page_is_no_wider_than_its_window_and_numbers_are_flush_right(tmp_path
         assert page.value(columns) == ["left", "right", "left", "right", "left", "right"]
 
 
-def test_what_recordings_are_called_is_text_on_a_page(tmp_path):
+def test_names_of_recordings_are_escaped_on_a_page(tmp_path):
     folder = tmp_path / "in"
     folder.mkdir()
     (folder / "<b>&.npz").write_bytes(b"nonsense")

@@ -1,4 +1,4 @@
-"""The pure function from a unit to its rows: the schema, what rows say, errors."""
+"""The rows of a unit: schema, contents, errors."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def only(path, settings=SETTINGS):
 
 @pytest.fixture(scope="module")
 def knot(tmp_path_factory):
-    """A rope that crosses itself, and one beside it."""
+    """A scene with a rope that crosses itself, and another rope."""
     path = tmp_path_factory.mktemp("knot") / "knot.npz"
     chains = strand.synthetic.random_ropes(2, 3, seed=0)
     strand.synthetic.scene(chains=chains, seed=0, views=4).save(path)
@@ -130,9 +130,9 @@ def test_a_broken_recording_is_a_row_with_its_error(tmp_path, name, spoil, said)
     assert (row["recording"], row["frame"], row["rope"]) == (name, None, None)
 
 
-# who opens a recording looks at its first message
+# opening a recording decodes its first message
 @pytest.mark.parametrize("spoilt", [1, 2])
-def test_a_message_that_is_damaged_spoils_its_frame_alone(spoilt, tmp_path):
+def test_a_damaged_message_affects_only_its_frame(spoilt, tmp_path):
     settings = Settings(radius=0.0042, bounds=SCENE.bounds, world="world")
     entries = list(record_film(SCENE, 3))
     images = [k for k, (topic, _, _) in enumerate(entries) if topic == "/depth"]
@@ -143,7 +143,7 @@ def test_a_message_that_is_damaged_spoils_its_frame_alone(spoilt, tmp_path):
     assert rows[spoilt]["error"].startswith("FileFormatError: ")
 
 
-def test_an_image_that_is_damaged_spoils_its_frame_alone(tmp_path):
+def test_a_damaged_image_affects_only_its_frame(tmp_path):
     folder = tmp_path / "caf\udce9"
     folder.mkdir()
     settings = Settings(
@@ -156,11 +156,11 @@ def test_an_image_that_is_damaged_spoils_its_frame_alone(tmp_path):
     rows = make_rows(unit, settings).to_pylist()
     assert [row["frame"] for row in rows] == [0, 2, 4]
     assert [row["error"] is None for row in rows] == [True, False, True]
-    # paths in messages may have any bytes, tables hold UTF-8
+    # a message may hold a path of any bytes, and a table holds UTF-8
     assert "caf\\udce9" in rows[1]["error"]
 
 
-def test_that_there_is_no_rope_is_an_answer(tmp_path):
+def test_a_frame_without_ropes_is_an_answer(tmp_path):
     settings = Settings(intrinsics=SCENE.intrinsics, depth_scale=SCENE.depth_scale)
     # a table and nothing else
     depth = np.random.default_rng(0).normal(6000.0, 3.0, SCENE.depth[0].shape).astype(np.uint16)
@@ -176,7 +176,7 @@ def test_that_there_is_no_rope_is_an_answer(tmp_path):
     write_summary(tmp_path / "out", tmp_path / "summary.html")
 
 
-def test_what_is_not_installed_is_no_broken_recording(tmp_path, monkeypatch):
+def test_a_missing_package_is_raised(tmp_path, monkeypatch):
     path = tmp_path / "a.npz"
     path.touch()
 

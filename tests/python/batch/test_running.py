@@ -27,7 +27,7 @@ from strand.batch.work import ShardCounts, Work
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)
 
 
-def test_each_recording_has_its_rows_and_a_second_run_makes_none(recordings, expected, tmp_path):
+def test_a_second_run_makes_no_rows(recordings, expected, tmp_path):
     seen = []
     done = run(recordings, tmp_path / "out", SETTINGS, root=recordings, workers=1, progress=seen.append)
     assert done == Counts(COUNT, 0, COUNT, 0)
@@ -42,7 +42,7 @@ def test_each_recording_has_its_rows_and_a_second_run_makes_none(recordings, exp
     assert {name: (tmp_path / "out" / name).stat().st_mtime_ns for name in before} == before
 
 
-def test_what_changed_is_made_again_in_place_of_what_was_there(recordings, tmp_path):
+def test_changed_recordings_and_settings_replace_rows(recordings, tmp_path):
     folder, out = tmp_path / "in", tmp_path / "out"
     for name in ("0/00.npz", "0/03.npz"):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -59,13 +59,13 @@ def test_what_changed_is_made_again_in_place_of_what_was_there(recordings, tmp_p
     assert made(known) == Counts(2, 0, 2, 0, replaced=2)
     assert set(load_table(out, ["configuration"]).column(0).to_pylist()) == {known.digest}
     assert len(load_table(out)) == len(list_shards(out)) == 2
-    # what is given no more stays
+    # rows of recordings that are not given stay
     (folder / "0" / "03.npz").unlink()
     assert made(known) == Counts(0, 1, 0, 0)
     assert len(load_table(out)) == 2
 
 
-def test_errors_are_rows_that_are_kept_or_tried_again(recordings, tmp_path):
+def test_error_rows_are_kept_or_repeated(recordings, tmp_path):
     folder, out = tmp_path / "in", tmp_path / "out"
     folder.mkdir()
     shutil.copy(recordings / "0" / "00.npz", folder / "good.npz")
@@ -83,11 +83,11 @@ def test_errors_are_rows_that_are_kept_or_tried_again(recordings, tmp_path):
     assert len(load_table(out)) == 3
 
 
-def test_rows_that_are_there_twice_are_mended_by_the_next_run(recordings, tmp_path):
+def test_the_next_run_removes_duplicate_rows(recordings, tmp_path):
     one, out, other = recordings / "0" / "00.npz", tmp_path / "out", Settings(ropes=1, radius=0.004)
     (unit,) = find_units([one], SETTINGS, recordings)
     prepare_folder(out, SETTINGS, recordings)
-    # as of two runs at once with different settings; and of a worker that died after its shard was there
+    # two simultaneous runs with different settings, and a worker that died after it wrote its shard
     Work(other, str(out))(unit)
     Work(SETTINGS, str(out))(unit)
     failed = out / name_shard(unit, SETTINGS.digest, True)
@@ -99,7 +99,7 @@ def test_rows_that_are_there_twice_are_mended_by_the_next_run(recordings, tmp_pa
     assert list_shards(out) == [name_shard(unit, SETTINGS.digest, False)]
 
 
-def test_what_could_not_be_opened_when_it_was_sought_gives_way_to_its_stretches(tmp_path):
+def test_stretches_replace_the_error_row_of_an_unopened_recording(tmp_path):
     path = write_bag(tmp_path / "rope", "mcap", record_film(SCENE, 3))
     settings = Settings(radius=0.0042, bounds=SCENE.bounds, world="world", stretch=2)
     out = tmp_path / "out"
@@ -110,11 +110,11 @@ def test_what_could_not_be_opened_when_it_was_sought_gives_way_to_its_stretches(
     assert run(path, out, settings, root=tmp_path, workers=1) == Counts(2, 0, 3, 0, replaced=1)
     expected = {name_shard(unit, settings.digest, False) for unit in (first, second)}
     assert set(list_shards(out)) == expected
-    # and where it cannot be opened again, what was made of it stays
+    # when it cannot be opened again, its stretches stay
     listed = Shards(out)
     assert listed.remove_stale(unopened, settings.digest) == 0
     assert listed.find(unopened, settings.digest) in expected
-    # but a part of it is not the whole
+    # an incomplete set of stretches does not count as the whole
     for unit in (first, second):
         part = tmp_path / f"{unit.start}"
         shutil.copytree(out, part)
@@ -122,7 +122,7 @@ def test_what_could_not_be_opened_when_it_was_sought_gives_way_to_its_stretches(
         assert Shards(part).find(unopened, settings.digest) is None
 
 
-def test_what_was_made_of_a_recording_that_cannot_be_read_now_stays(recordings, tmp_path):
+def test_rows_of_an_unreadable_recording_stay(recordings, tmp_path):
     folder, out = tmp_path / "in", tmp_path / "out"
     folder.mkdir()
     for name in ("a.npz", "b.npz"):
@@ -133,16 +133,16 @@ def test_what_was_made_of_a_recording_that_cannot_be_read_now_stays(recordings, 
     (folder / "a.npz").symlink_to("a.npz")
     assert run(folder, out, SETTINGS, root=folder, workers=1, retry_errors=True) == Counts(0, 1, kept=1)
     assert list_shards(out) == before
-    # also if another run made it since this one looked
+    # also if another run has made its rows meanwhile
     (unread, _) = find_units([folder], SETTINGS, folder)
     assert (unread.digest, Work(SETTINGS, str(out))(unread)) == (None, ShardCounts(0, 0))
-    # with nothing to keep it has a row that says why
+    # without earlier rows, it gets an error row
     (other, _) = find_units([folder], SETTINGS, tmp_path)
     assert Work(SETTINGS, str(out))(other) == ShardCounts(1, 1)
     said = [row for row in load_table(out, ["recording", "error"]).to_pylist() if row["error"]]
     assert [one["recording"] for one in said] == ["in/a.npz"]
     assert said[0]["error"].startswith("OSError: ")
-    # and that goes when it is there beside rows
+    # the error row is removed when there are other rows
     shutil.copy(
         out / name_shard(other, SETTINGS.digest, True), out / name_shard(unread, SETTINGS.digest, True)
     )
@@ -152,7 +152,7 @@ def test_what_was_made_of_a_recording_that_cannot_be_read_now_stays(recordings, 
 
 @pytest.fixture
 def closed(monkeypatch):
-    """Close folders, also for those who may read all."""
+    """A set of folders that nobody can read, not even root."""
     scandir, folders = os.scandir, set()
 
     def refused(path="."):
@@ -164,7 +164,7 @@ def closed(monkeypatch):
     return folders
 
 
-def test_folders_that_cannot_be_searched_now_lose_nothing_and_leave_nothing(recordings, tmp_path, closed):
+def test_unreadable_folders_lose_no_rows_and_leave_no_error(recordings, tmp_path, closed):
     folder, out = tmp_path / "in", tmp_path / "out"
     settings = Settings(ropes=1, intrinsics=SCENE.intrinsics, depth_scale=SCENE.depth_scale)
     images = folder / "depth"
@@ -187,7 +187,7 @@ def test_folders_that_cannot_be_searched_now_lose_nothing_and_leave_nothing(reco
     assert made() == (Counts(0, 2, replaced=1), whole)
 
 
-def test_a_folder_of_shards_that_is_complete_may_be_read_only(recordings, tmp_path, monkeypatch):
+def test_a_complete_folder_of_shards_may_be_read_only(recordings, tmp_path, monkeypatch):
     run(recordings / "0", tmp_path, SETTINGS, root=recordings, workers=1)
     count = len(list_shards(tmp_path))
     (tmp_path / ".strand-old.tmp").touch()
@@ -203,7 +203,7 @@ def test_a_folder_of_shards_that_is_complete_may_be_read_only(recordings, tmp_pa
     assert run(moved / "0", tmp_path, SETTINGS, root=moved) == Counts(0, count)
 
 
-def test_a_second_run_names_recordings_as_the_first_wherever_it_is_run(recordings, tmp_path, monkeypatch):
+def test_a_second_run_keeps_the_root(recordings, tmp_path, monkeypatch):
     folder, out = tmp_path / "in", tmp_path / "out"
     shutil.copytree(recordings / "0", folder / "0")
     count = len(list((folder / "0").iterdir()))
@@ -228,7 +228,7 @@ def test_a_second_run_names_recordings_as_the_first_wherever_it_is_run(recording
     assert run(tmp_path / "moved", out, SETTINGS) == Counts(0, count)
 
 
-def test_other_files_below_the_shards_are_passed_over(recordings, tmp_path):
+def test_other_files_beside_shards_are_ignored(recordings, tmp_path):
     assert run(recordings / "0" / "00.npz", tmp_path, SETTINGS, workers=1) == Counts(1, 0, 1, 0)
     (name,) = list_shards(tmp_path)
     (tmp_path / name).with_name("whole.parquet").write_bytes(b"another")
@@ -239,7 +239,7 @@ def test_other_files_below_the_shards_are_passed_over(recordings, tmp_path):
     assert (len(load_table(tmp_path)), old.exists()) == (1, False)
 
 
-def test_what_is_half_written_is_no_shard_and_goes_when_it_is_old(recordings, tmp_path):
+def test_half_written_files_are_ignored_and_removed_when_old(recordings, tmp_path):
     assert run(recordings / "0" / "00.npz", tmp_path, SETTINGS, workers=1) == Counts(1, 0, 1, 0)
     (name,) = list_shards(tmp_path)
     old, new = ((tmp_path / name).with_name(f".strand-{k}.tmp") for k in "01")

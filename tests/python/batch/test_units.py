@@ -1,4 +1,4 @@
-"""Which recordings are found in folders, what they are called, and what counts as the same input."""
+"""Recordings found in folders: their names, and digests of their files."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SCENE = strand.synthetic.scene("arc", seed=0, views=3)
 
 @pytest.fixture
 def folder(tmp_path):
-    """One recording of each kind, and what is none."""
+    """A folder with a recording of each kind, and other files."""
     (tmp_path / "b" / "scene").mkdir(parents=True)
     write_scene(tmp_path / "b" / "scene", "0.png")
     (tmp_path / "b" / "depth").mkdir()
@@ -57,7 +57,7 @@ def test_recordings_come_once_however_they_are_given(folder):
     assert found(folder, given=given) == found(folder)
 
 
-def test_what_is_named_is_taken_though_it_lies_below_a_folder_that_passes_over_it(folder, tmp_path_factory):
+def test_named_paths_below_named_folders_are_found(folder, tmp_path_factory):
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     save_npz(elsewhere / "f.npz")
     (folder / "link").symlink_to(elsewhere)
@@ -67,7 +67,7 @@ def test_what_is_named_is_taken_though_it_lies_below_a_folder_that_passes_over_i
     assert [unit.recording for unit in found(folder, given=given)] == [*walked, "b/depth/1.png", "link/f.npz"]
 
 
-def test_names_are_below_the_root_or_whole(folder, monkeypatch):
+def test_names_are_relative_to_the_root_or_whole(folder, monkeypatch):
     monkeypatch.chdir(folder / "b")
     assert [unit.recording for unit in find_units([Path("scene")], Settings(), Path("."))] == ["scene"]
     outside = found(folder, given=[folder / "a.npz"], root=folder / "b")
@@ -77,7 +77,7 @@ def test_names_are_below_the_root_or_whole(folder, monkeypatch):
     assert found(folder, given=[strange])[0].recording == "\\xff.npz"
 
 
-def test_no_two_files_are_called_alike(tmp_path):
+def test_names_are_distinct(tmp_path):
     for name in (b"\xff.npz", b"\\xff.npz", b"\\\\xff.npz"):
         Path(os.fsdecode(os.fsencode(tmp_path) + b"/" + name)).touch()
     assert sorted(unit.recording for unit in found(tmp_path)) == sorted(
@@ -85,7 +85,7 @@ def test_no_two_files_are_called_alike(tmp_path):
     )
 
 
-def test_a_link_beside_what_it_leads_to_is_the_same(folder):
+def test_a_link_and_its_target_are_one_recording(folder):
     (folder / "link").symlink_to(folder / "b")
     assert found(folder, given=[folder / "link", folder / "b"]) == found(folder, given=[folder / "b"])
     assert [unit.recording for unit in found(folder, given=[folder / "link"])] == ["link/depth", "link/scene"]
@@ -99,18 +99,18 @@ def test_metadata_of_other_kinds_hide_no_recordings(folder):
     assert found(folder) == before
     (folder / "metadata.yaml").write_text("# of a bag\nrosbag2_bagfile_information:\n")
     assert [(unit.path, unit.kind) for unit in found(folder)] == [(str(folder), "bag")]
-    # damaged, and beside what shows that it was a bag's
+    # damaged metadata beside a .db3 file is still a bag
     (folder / "d" / "metadata.yaml").write_text("")
     assert [unit.kind for unit in found(folder / "d")] == ["bag"]
 
 
-def test_what_cannot_be_read_when_it_is_sought_says_so_in_its_row(folder):
+def test_a_recording_that_the_search_cannot_read_has_an_error_row(folder):
     whole = (folder / "c.mcap").read_bytes()
     (folder / "c.mcap").write_bytes(whole[: len(whole) // 2])
     settings = Settings(stretch=2, world="world")
     (unit,) = found(folder, settings, given=[folder / "c.mcap"])
     assert unit.error.startswith("FileFormatError: ")
-    # its one unit is not the whole recording, when it is read
+    # the error stays, although the recording can be read now
     (folder / "c.mcap").write_bytes(whole)
     assert make_rows(unit, settings).column("error").to_pylist() == [unit.error]
     (folder / "a.npz").unlink()
@@ -121,7 +121,7 @@ def test_what_cannot_be_read_when_it_is_sought_says_so_in_its_row(folder):
         found(folder, given=[folder / "a.npz"])
 
 
-def test_a_file_that_cannot_be_looked_at_spoils_its_own_frame(folder):
+def test_an_unreadable_file_affects_only_its_frame(folder):
     settings = Settings(intrinsics=SCENE.intrinsics, depth_scale=SCENE.depth_scale, ropes=1)
     depth = folder / "b" / "depth"
     (depth / "1.png").unlink()
@@ -129,7 +129,7 @@ def test_a_file_that_cannot_be_looked_at_spoils_its_own_frame(folder):
     (images, scene) = found(folder, settings, given=[folder / "b"])
     told = [bool(error) for error in make_rows(images, settings).column("error").to_pylist()]
     assert told == [False, True, False]
-    # as editors leave them
+    # a broken link, as editors leave it
     (folder / "b" / "scene" / ".#scene.toml").symlink_to("who@where.1")
     (_, after) = found(folder, settings, given=[folder / "b"])
     assert after.error is None
@@ -140,7 +140,7 @@ def test_a_file_that_cannot_be_looked_at_spoils_its_own_frame(folder):
     assert found(folder, settings, given=[depth])[0].digest is None
 
 
-def test_a_package_that_is_missing_is_no_error_of_a_recording(folder, monkeypatch):
+def test_a_missing_package_is_no_error_of_a_recording(folder, monkeypatch):
     def missing(*_):
         raise ImportError("rosbags is needed here")
 
@@ -149,7 +149,7 @@ def test_a_package_that_is_missing_is_no_error_of_a_recording(folder, monkeypatc
         found(folder, Settings(stretch=2), given=[folder / "c.mcap"])
 
 
-def test_a_digest_changes_with_the_files_of_a_recording_alone(folder):
+def test_a_digest_depends_on_the_recordings_files_only(folder):
     before = {unit.recording: unit.digest for unit in found(folder)}
     (folder / "notes.txt").write_text("changed")
     assert {unit.recording: unit.digest for unit in found(folder)} == before
@@ -160,7 +160,7 @@ def test_a_digest_changes_with_the_files_of_a_recording_alone(folder):
     assert {name for name in before if before[name] != after[name]} == {"a.npz", "b/scene"}
 
 
-def test_what_a_batch_writes_into_a_recording_is_no_part_of_it(folder):
+def test_the_table_inside_a_recording_does_not_change_its_digest(folder):
     out = folder / "b" / "scene" / "table"
     before = {unit.recording: unit.digest for unit in found(folder, excluded=out)}
     (out / "ab").mkdir(parents=True)
@@ -180,7 +180,7 @@ def test_a_copy_elsewhere_is_the_same_input(folder):
 
 @pytest.fixture
 def deep(tmp_path):
-    """A folder, and one that is farther below it than Python's calls may go; pytest could not remove that."""
+    """A folder and one far below it, deeper than the recursion limit, which pytest could not remove."""
     folders = [tmp_path / "deep"]
     for _ in range(300):
         folders.append(folders[-1] / "d")
@@ -200,7 +200,7 @@ def test_folders_are_searched_to_any_depth(deep):
     top, bottom = deep
     (bottom / "a.npz").write_bytes(b"")
     assert [unit.path for unit in found(top)] == [str(bottom / "a.npz")]
-    # its files count as the scene's
+    # files below a scene's folder belong to the scene
     (top / "scene.toml").write_text("")
     (before,) = found(top)
     (bottom / "a.npz").write_bytes(b"more")
@@ -209,7 +209,7 @@ def test_folders_are_searched_to_any_depth(deep):
     assert before.digest != after.digest
 
 
-def test_a_folder_can_be_left_out(folder):
+def test_a_folder_can_be_excluded(folder):
     assert [unit.recording for unit in found(folder, excluded=folder / "b")] == ["a.npz", "c.mcap", "d"]
 
 
@@ -248,7 +248,7 @@ def test_frames_of_images_are_views_in_the_order_of_names(folder):
         assert seen.time is None
 
 
-def test_that_the_folder_of_the_table_is_not_searched_is_said(folder):
+def test_an_error_says_that_the_tables_folder_is_not_searched(folder):
     out = folder / "empty" / "out"
     out.mkdir(parents=True)
     for given in (out, out.parent):
@@ -258,7 +258,7 @@ def test_that_the_folder_of_the_table_is_not_searched_is_said(folder):
         found(folder, given=[out.parent], excluded=folder)
 
 
-def test_what_holds_no_recording_is_refused_before_the_work(folder):
+def test_a_folder_without_recordings_is_refused_before_the_work(folder):
     (folder / "empty").mkdir()
     with pytest.raises(ValueError, match="empty holds none"):
         next(find_units([folder / "a.npz", folder / "empty"], Settings(), folder))
@@ -288,14 +288,14 @@ def test_settings_are_checked(wrong, error):
 
 
 @pytest.mark.parametrize("kind", [np.float64, np.float32, np.array, lambda value: np.array([value])[0]])
-def test_numbers_of_any_kind_are_settings(kind):
+def test_settings_accept_any_type_of_number(kind):
     given = Settings(radius=kind(0.25), length=kind(2.0))
     assert given.digest == Settings(radius=0.25, length=2.0).digest
     assert Settings(radius=np.int64(1)).radius == 1.0
     assert Settings(radius=np.array([0.25, 0.5])).radius == (0.25, 0.5)
 
 
-def test_settings_stay_as_their_digest_says():
+def test_settings_cannot_be_changed():
     intrinsics, viewpoint = np.diag([100.0, 100.0, 1.0]), np.zeros(3)
     settings = Settings(intrinsics=intrinsics, viewpoint=viewpoint)
     before = settings.digest
@@ -307,7 +307,7 @@ def test_settings_stay_as_their_digest_says():
             array[0] = 5.0
 
 
-def test_the_digest_of_settings_is_that_of_all_numbers():
+def test_the_digest_depends_on_all_settings():
     same = Settings(radius=0.004, bounds=([0, 0, -np.inf], [1.0, 1, 1]), config=strand.Config())
     assert same.digest == Settings(radius=0.004, bounds=([0, 0, -np.inf], [1.0, 1, 1])).digest
     others = [

@@ -49,7 +49,7 @@ def test_rows_of_recordings_that_cannot_be_read_now_are_kept(folder, capsys, mon
     scene.unlink()
     scene.symlink_to("00.npz")
     capsys.readouterr()
-    # from another folder, too
+    # the folder of the run does not matter
     monkeypatch.chdir(folder / "in")
     assert main(["batch", ".", "-o", "../out", "--ropes", "1"]) == 0
     assert capsys.readouterr().out.splitlines() == [
@@ -81,7 +81,7 @@ def test_options_are_settings(folder):
     assert set(load_table("out", ["configuration"]).column(0).to_pylist()) == {settings.digest}
 
 
-def test_what_was_done_is_said_also_while_no_unit_ends(folder, capsys, monkeypatch):
+def test_progress_is_printed_while_no_unit_ends(folder, capsys, monkeypatch):
     def slow(recordings, out, settings, *, progress, **_):
         time.sleep(0.3)
         progress(Counts(2, 5, 3, 1))
@@ -97,7 +97,7 @@ def test_what_was_done_is_said_also_while_no_unit_ends(folder, capsys, monkeypat
     assert not [one for one in threading.enumerate() if "print_lines" in one.name]
 
 
-def test_what_engines_print_is_no_part_of_the_answer(folder, capsys, monkeypatch):
+def test_output_of_engines_goes_to_stderr(folder, capsys, monkeypatch):
     def talkative(*_, **__):
         print("(raylet) Task _task failed")
         return Counts()
@@ -110,13 +110,13 @@ def test_what_engines_print_is_no_part_of_the_answer(folder, capsys, monkeypatch
 
 
 @pytest.mark.parametrize("out", ["out", "in/../out", "out/table"])
-def test_a_page_in_place_of_the_table_is_refused_before_the_work(folder, capsys, out):
+def test_a_page_in_the_place_of_the_table_is_refused_before_the_work(folder, capsys, out):
     assert main(["batch", "in", "-o", out, "--summary", "out"]) == 2
     assert f"--summary: expected a file outside of the folder {out} (-o), got out" in capsys.readouterr().err
     assert not (folder / "out").exists()
 
 
-def test_an_engine_that_cannot_work_is_a_line_and_a_code(folder, capsys, monkeypatch):
+def test_an_engine_error_is_one_line_with_an_exit_code(folder, capsys, monkeypatch):
     def other(*_):
         raise EngineError("strand is version 2 here, and 1 where it was asked")
 
@@ -138,7 +138,7 @@ def test_an_engine_that_cannot_work_is_a_line_and_a_code(folder, capsys, monkeyp
         (["in", "-o", "out", "--radius", "-4mm"], 2),
     ],
 )
-def test_what_cannot_be_done_is_said_by_the_exit_code(folder, capsys, words, code):
+def test_refused_batches_have_an_exit_code(folder, capsys, words, code):
     assert main(["batch", *words]) == code
     assert capsys.readouterr().err.startswith("strand: error: ")
     assert not (folder / "out").exists()

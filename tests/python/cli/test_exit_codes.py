@@ -109,7 +109,7 @@ def test_exit_codes(monkeypatch, capsys, error, code, line):
     assert capsys.readouterr().err.splitlines() == [line]
 
 
-def test_errors_of_ours_are_not_hidden(monkeypatch):
+def test_unexpected_errors_are_raised(monkeypatch):
     def fail(*_, **__):
         raise ZeroDivisionError
 

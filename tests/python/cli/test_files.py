@@ -20,7 +20,7 @@ SCENE = strand.synthetic.scene("arc", views=1, camera=strand.synthetic.Camera(si
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A folder with a scene, in which nothing is reconstructed: `model.json` is written at once."""
+    """A folder with a scene; `strand.reconstruct` is replaced by a function that returns at once."""
     made = strand.Model((), np.eye(4)[None])
     monkeypatch.setattr(strand, "reconstruct", lambda *_, **__: made)
     monkeypatch.chdir(tmp_path)
@@ -42,7 +42,7 @@ def run(*arguments):
         ("no/a.json", "No such file or directory"),
     ],
 )
-def test_what_cannot_be_written_is_said_before_anything_is_done(folder, monkeypatch, capsys, out, reason):
+def test_unwritable_outputs_are_refused_before_the_work(folder, monkeypatch, capsys, out, reason):
     def reconstruct(*_, **__):
         raise AssertionError("too late")
 
@@ -55,7 +55,7 @@ def test_what_cannot_be_written_is_said_before_anything_is_done(folder, monkeypa
 @pytest.mark.parametrize(
     "words", [("reconstruct", "arc.npz", "--figures"), ("demo", "--out")], ids=["figures", "demo"]
 )
-def test_folders_that_cannot_be_made_are_said_before_anything_is_done(folder, monkeypatch, capsys, words):
+def test_unwritable_folders_are_refused_before_the_work(folder, monkeypatch, capsys, words):
     def reconstruct(*_, **__):
         raise AssertionError("too late")
 
@@ -69,7 +69,7 @@ def test_folders_that_cannot_be_made_are_said_before_anything_is_done(folder, mo
     assert not Path("new").exists()
 
 
-def test_nothing_that_was_read_is_written_over(folder, capsys):
+def test_inputs_are_never_overwritten(folder, capsys):
     Path("a.toml").touch()
     Path("link.npz").symlink_to("arc.npz")
     Path("1-raw.png").symlink_to("arc.npz")
@@ -86,7 +86,7 @@ def test_nothing_that_was_read_is_written_over(folder, capsys):
     assert not Path("a.toml").read_bytes()
 
 
-def test_limits_and_outside_reach_the_scene(folder, capsys):
+def test_limits_and_outside_apply_to_the_scene(folder, capsys):
     assert run("arc.npz", "-o", "a.json", "--max-bytes", 3000) == 1
     assert "of max_bytes=3000" in capsys.readouterr().err
     np.save("points.npy", np.ones((3, 3)))
@@ -101,7 +101,7 @@ def test_limits_and_outside_reach_the_scene(folder, capsys):
 
 
 @pytest.mark.parametrize("file", ["pipe.npz", "endless.npz", "loop.npz", "huge.toml"])
-def test_files_without_an_end_are_refused(folder, capsys, file):
+def test_endless_files_are_refused(folder, capsys, file):
     os.mkfifo("pipe.npz")
     Path("endless.npz").symlink_to("/dev/zero")
     Path("loop.npz").symlink_to("loop.npz")
@@ -112,7 +112,7 @@ def test_files_without_an_end_are_refused(folder, capsys, file):
         assert capsys.readouterr().err.splitlines()[-1].startswith(f"strand: error: {file}: ")
 
 
-def test_memory_that_is_exhausted_is_one_line(folder, monkeypatch, capsys):
+def test_exhausted_memory_is_an_error_of_one_line(folder, monkeypatch, capsys):
     def load_scene(*_, **__):
         raise MemoryError
 
@@ -128,7 +128,7 @@ sys.exit(strand.cli.main())
 """
 
 
-def test_streams_and_disks_that_fail(tmp_path):
+def test_closed_streams_and_full_disks(tmp_path):
     SCENE.save(tmp_path / "arc.npz")
     full = os.open("/dev/full", os.O_WRONLY)
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
@@ -159,7 +159,7 @@ def test_streams_and_disks_that_fail(tmp_path):
     os.close(full)
 
 
-def test_interrupted_while_it_writes_leaves_the_old_file(folder, monkeypatch, capsys):
+def test_an_interrupt_during_writing_leaves_the_old_file(folder, monkeypatch, capsys):
     Path("a.json").write_text("old")
     monkeypatch.setattr(os, "fsync", lambda _: signal.raise_signal(signal.SIGINT))
     assert run("arc.npz", "-o", "a.json") == 130

@@ -1,4 +1,4 @@
-"""`strand info`: what files hold, and what would be done with them."""
+"""`strand info`: the contents of files, and advice."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_several_cameras(folder, capsys):
     assert capsys.readouterr().err == err
 
 
-def test_points_of_which_none_is_finite(tmp_path, capsys):
+def test_points_without_a_finite_one(tmp_path, capsys):
     np.savetxt(tmp_path / "cloud.xyz", np.full((5, 3), np.nan))
     assert main(["info", str(tmp_path / "cloud.xyz")]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -149,7 +149,7 @@ def test_a_recording_without_depth_is_refused(folder, capsys):
         ("cameras --topic /camera_1/*", {}),
     ],
 )
-def test_the_command_works_as_said(folder, capsys, monkeypatch, words, options):
+def test_the_advised_command_works(folder, capsys, monkeypatch, words, options):
     given = []
 
     def reconstruct(views, **known):
@@ -169,7 +169,7 @@ def test_the_command_works_as_said(folder, capsys, monkeypatch, words, options):
     assert any("bounds" in one for one in said["missing"]) == (bounds is None)
 
 
-def test_json_is_a_line_for_each_file(folder, capsys):
+def test_json_has_one_line_per_file(folder, capsys):
     names = ["arc.npz", "model.json", "no.npz", "cloud.ply", "cameras"]
     assert main(["info", "--json", *names]) == 3
     out, err = capsys.readouterr()
@@ -199,7 +199,7 @@ def test_bounds_may_be_open_and_turned(folder, capsys):
     lines = lines_of(capsys, "open")
     at = next(i for i, line in enumerate(lines) if line.startswith("  bounds "))
     assert lines[at].startswith("  bounds      (-inf, -1, 0) to (1, inf, 9) m in its own frame")
-    # the box's x is the world's y, its y is against the world's x
+    # the box's x axis is the world's y axis, and its y axis the world's -x axis
     inside = (POINTS[:, 1] <= 1) & (-POINTS[:, 0] >= -1) & (POINTS[:, 2] >= 0) & (POINTS[:, 2] <= 9)
     assert f"{np.count_nonzero(inside)} points inside" in lines[at + 2]
     assert main(["info", "--json", "open"]) == 0
@@ -207,7 +207,7 @@ def test_bounds_may_be_open_and_turned(folder, capsys):
     assert (bounds["low"], bounds["high"]) == ([None, -1.0, 0.0], [1.0, None, 9.0])
 
 
-def test_masks_change_what_would_be_done(folder, capsys):
+def test_masks_change_the_advice(folder, capsys):
     with np.load("arc.npz") as arrays:
         np.savez("masked.npz", **arrays, mask=np.ones(SCENE.depth.shape, dtype=bool))
     lines = lines_of(capsys, "masked.npz")
@@ -234,7 +234,7 @@ def test_masks_change_what_would_be_done(folder, capsys):
         (["model.json", "--max-bytes", "0"], 2, "max_bytes: expected at least 1, got 0"),
     ],
 )
-def test_what_cannot_be_read_is_one_line(folder, capsys, words, code, said):
+def test_an_unreadable_file_is_an_error_of_one_line(folder, capsys, words, code, said):
     Path("nothing").mkdir()
     Path("nothing/a.jpg").touch()
     for more in ([], ["--json"]):
@@ -245,7 +245,7 @@ def test_what_cannot_be_read_is_one_line(folder, capsys, words, code, said):
         assert line.startswith(f"strand: error: {said}")
 
 
-def test_the_others_are_described_all_the_same(folder, capsys):
+def test_other_files_are_described_despite_an_error(folder, capsys):
     assert main(["info", "empty.npz", "model.json", "no.npz", "cloud.ply"]) == 1
     out, err = capsys.readouterr()
     assert len(err.splitlines()) == 2
@@ -254,7 +254,7 @@ def test_the_others_are_described_all_the_same(folder, capsys):
     assert points.startswith("cloud.ply: ")
 
 
-def test_what_a_terminal_would_obey_is_not_printed(folder, capsys):
+def test_control_characters_are_escaped(folder, capsys):
     made = Messages()
     frame = "a\x1b]0;b\x07\nc"
     image = made.image(np.ones((2, 3), np.uint16), 1, frame)
@@ -267,7 +267,7 @@ def test_what_a_terminal_would_obey_is_not_printed(folder, capsys):
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-def test_memory_stays_with_the_length_of_a_recording(tmp_path, kind):
+def test_memory_does_not_grow_with_a_recording(tmp_path, kind):
     program = (
         "import resource, sys; from strand.cli import main; assert not main(sys.argv[1:]); "
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr)"

@@ -21,7 +21,7 @@ SCENE = strand.synthetic.scene("arc", views=3)
 
 
 def write_folder(folder, radius='radius = "4.2mm"'):
-    """SCENE as a folder with a description and depth images."""
+    """Write SCENE as a folder with a description and depth images."""
     (fx, _, cx), (_, fy, cy), _ = SCENE.intrinsics.tolist()
     low, high = SCENE.bounds
     lines = [
@@ -53,7 +53,7 @@ def test_reconstruct_npz(scene_npz, tmp_path, capsys):
     assert "estimated" not in out
 
 
-def test_radius_is_estimated_and_printed_if_nobody_gives_it(tmp_path, capsys):
+def test_an_unknown_radius_is_estimated_and_printed(tmp_path, capsys):
     write_folder(tmp_path, radius="")
     assert main(["reconstruct", str(tmp_path), "-o", str(tmp_path / "a.json")]) == 0
     out, err = capsys.readouterr()
@@ -173,7 +173,7 @@ def test_warnings_go_to_stderr(scene_npz, tmp_path, capsys):
     assert "strand: " not in out
 
 
-def test_a_model_as_json_is_all_of_the_output(scene_npz, tmp_path, capsys):
+def test_json_prints_only_the_model(scene_npz, tmp_path, capsys):
     out = tmp_path / "a.json"
     command = [
         "reconstruct",
@@ -195,7 +195,7 @@ def test_a_model_as_json_is_all_of_the_output(scene_npz, tmp_path, capsys):
     assert capsys.readouterr() == ("", "strand: error: no.npz: No such file or directory\n")
 
 
-def test_what_speaks_against_an_answer_is_said_once_the_heaviest_first(scene_npz, monkeypatch, capsys):
+def test_remarks_are_printed_once_the_heaviest_first(scene_npz, monkeypatch, capsys):
     doubts = [Doubt("end", weight, "where", f"it is {weight}") for weight in np.linspace(0.9, 0.1, 15)]
     warnings = [
         ModelWarning("branch", "a branch"),

@@ -31,7 +31,7 @@ KNOWN = [*RADIUS, *WORLD, *BOUNDS]
 
 
 def direct(k):
-    """Nodes of the rope in one view of the scene."""
+    """Return the nodes of the rope in one view of the scene."""
     view = strand.View.from_depth(
         convert_to_millimeters(SCENE)[k], SCENE.intrinsics, SCENE.poses[k], depth_scale=0.001
     )
@@ -49,7 +49,7 @@ def test_one_command_reconstructs_a_recording(tmp_path, capsys, kind):
     assert sorted(one.name for one in tmp_path.iterdir()) == [path.relative_to(tmp_path).parts[0]]
 
 
-def test_cameras_together_and_a_file(tmp_path, capsys):
+def test_several_cameras_and_an_output_file(tmp_path, capsys):
     path = write_bag(tmp_path / "rope", "mcap", record_cameras(SCENE))
     out = tmp_path / "model.json"
     command = ["reconstruct", str(path), "--topic", "/camera_*", *WORLD, *RADIUS, *BOUNDS, "-o", str(out)]
@@ -169,7 +169,7 @@ def test_errors_are_one_line(tmp_path, monkeypatch, capsys, arguments, code, sai
     assert said in line
 
 
-def test_a_scene_needs_no_file_to_write(tmp_path, capsys):
+def test_a_scene_needs_no_output_file(tmp_path, capsys):
     SCENE.save(tmp_path / "arc.npz")
     assert main(["reconstruct", str(tmp_path / "arc.npz")]) == 0
     assert "chain  length / mm" in capsys.readouterr().out
@@ -188,7 +188,7 @@ def test_a_scene_needs_no_file_to_write(tmp_path, capsys):
         (b'{"frame": 0, "stamp": 1, "model": 3}', "not a strand model"),
     ],
 )
-def test_lines_that_are_no_frames_are_named(tmp_path, line, reason):
+def test_invalid_lines_are_named(tmp_path, line, reason):
     path = tmp_path / "a.jsonl"
     path.write_bytes(line)
     if reason is None:

@@ -31,9 +31,9 @@ def test_report_writes_a_page(scene_npz, tmp_path, capsys):
         (["view", "arc.npz", "--save", "no/a.rrd"], 3, "no/a.rrd: No such file or directory"),
     ],
 )
-def test_report_and_view_refuse_what_cannot_be(words, code, message, scene_npz, monkeypatch, capsys):
+def test_report_and_view_refuse_wrong_files(words, code, message, scene_npz, monkeypatch, capsys):
     monkeypatch.chdir(scene_npz.parent)
-    monkeypatch.setitem(sys.modules, "rerun", sys)  # that it is there is enough
+    monkeypatch.setitem(sys.modules, "rerun", sys)  # any module will do
     before = scene_npz.read_bytes()
     assert main(words) == code
     assert message in capsys.readouterr().err

@@ -54,7 +54,7 @@ def test_a_cloud_becomes_a_model_in_every_format(folder, capsys, measure):
 
 @pytest.fixture
 def given(monkeypatch):
-    """What reaches the reconstruction, in which nothing is done."""
+    """The views that reach `strand.reconstruct`, which is replaced."""
     views = []
 
     def reconstruct(seen, **_):
@@ -77,7 +77,7 @@ def test_a_depth_image_is_a_view_with_its_camera(folder, given, intrinsics):
     np.testing.assert_array_equal(view.mask, MADE.depth[0] % 2 == 0)
 
 
-def test_places_may_be_negative_and_have_units(folder, given):
+def test_positions_may_be_negative_and_have_units(folder, given):
     assert run("cloud.ply", "-o", "a.json", "--viewpoint", "-100mm,-.2,30cm") == 0
     np.testing.assert_array_equal(given[0].viewpoint, [-0.1, -0.2, 0.3])
     assert run("cloud.ply", "-o", "a.json", "--camera-frame") == 0
@@ -126,7 +126,7 @@ def test_places_may_be_negative_and_have_units(folder, given):
         (["depth.png", "-o", "k.txt", "--intrinsics", "k.txt", "--depth-scale", "1"], 2, "k.txt is part of"),
     ],
 )
-def test_what_is_wrong_is_one_line(folder, given, capsys, arguments, code, said):
+def test_errors_are_one_line(folder, given, capsys, arguments, code, said):
     assert run(*arguments) == code
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("strand: error: ")
@@ -144,7 +144,7 @@ def test_what_is_wrong_is_one_line(folder, given, capsys, arguments, code, said)
         ("--depth-scale", "mm", "invalid float value: 'mm'"),
     ],
 )
-def test_values_that_are_none_are_refused_by_their_option(folder, capsys, option, value, said):
+def test_wrong_values_are_refused_by_their_option(folder, capsys, option, value, said):
     with pytest.raises(SystemExit) as caught:
         run("cloud.pcd", "-o", "a.json", option, value)
     assert caught.value.code == 2

@@ -61,41 +61,41 @@ sys.exit(strand.cli.main())
 
 
 def on_a_terminal(*command):
-    """The exit code of a command, and what it shows on a terminal of its own, step by step."""
+    """Return the exit code of a command, and all that it writes to a terminal of its own."""
     ours, theirs = pty.openpty()
     process = subprocess.Popen(
         command, stdout=theirs, stderr=theirs, env=os.environ | {"TERM": "xterm", "COLUMNS": "80"}
     )
     os.close(theirs)
     shown = b""
-    with contextlib.suppress(OSError):  # what a terminal says when its last user is gone
+    with contextlib.suppress(OSError):  # the terminal has no user any more
         while block := os.read(ours, 4096):
             shown += block
     os.close(ours)
     return process.wait(), shown.decode()
 
 
-def test_stages_and_their_times_are_shown_on_a_terminal_if_they_last(scene_npz):
+def test_long_work_shows_stages_and_times_on_a_terminal(scene_npz):
     command = [sys.executable, "-c", SLOW, "reconstruct", str(scene_npz)]
     code, shown = on_a_terminal(*command, "first,second,third", "0.7")
     assert code == 0
     pictures = re.sub(r"\x1b\[[0-9;]*m", "", shown).split("\x1b[2K")
     rows = [re.findall(r"(first|second|third) +(\d\.\d) s", picture) for picture in pictures]
-    # the first second goes by in silence, and the last picture has all three
+    # the display appears after a second, and its last state has all three stages
     begun = next(filter(None, rows))
     assert begun[0][0] == "first"
     assert sum(float(seconds) for _, seconds in begun) >= 1.0
     last = [row for row in rows if row][-1]
     assert [name for name, _ in last] == ["first", "second", "third"]
     assert float(last[0][1]) >= 0.7
-    # it is taken away before the answer is printed
+    # it vanishes before the answer is printed
     after = shown[shown.rindex("third") :]
     assert "\x1b[?25h" in after
     assert after.index("\x1b[?25h") < after.index("confidence")
     assert "strand: " not in shown
 
 
-def test_nothing_flashes_on_a_terminal(scene_npz):
+def test_short_work_shows_no_display(scene_npz):
     command = [sys.executable, "-c", SLOW, "reconstruct", str(scene_npz)]
     code, shown = on_a_terminal(*command, "one", "0.1")
     assert code == 0

@@ -1,4 +1,4 @@
-"""Small recordings for batches, and work that ends in other ways than strand's; processes import it."""
+"""Small recordings for batches, and work that fails; the engines' processes import this module."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ COUNT = 18  # recordings of the fixture `recordings`
 
 
 def save_scenes(folder: Path, count: int) -> Path:
-    """A folder of scenes of one view."""
+    """Fill a folder with scenes of one view."""
     for seed in range(count):
         name = SHAPES[seed % 6]
         made = strand.synthetic.scene(
@@ -37,12 +37,12 @@ def save_scenes(folder: Path, count: int) -> Path:
 
 
 def read_table(out: Path) -> pa.Table:
-    """The table without what two runs differ in."""
+    """Return the table without the column in which two runs differ."""
     return load_table(out).drop_columns(["seconds"])
 
 
 def find_shards(out: Path) -> list[str]:
-    """Shards, each of which is whole; files that are half written have other names."""
+    """Return the names of the shards, each of which can be read."""
     found = list_shards(out)
     assert len(load_table(out)) >= len(found)
     return found
@@ -50,7 +50,7 @@ def find_shards(out: Path) -> list[str]:
 
 @dataclass(frozen=True)
 class Deadly:
-    """Work that ends its process at some recordings: at each of them so many times."""
+    """Work that kills its process at some recordings, `times` times each."""
 
     work: Work
     recordings: tuple[str, ...]
@@ -69,7 +69,7 @@ class Deadly:
 
 @dataclass(frozen=True)
 class FullDisk:
-    """Work on a disk that holds so many shards."""
+    """Work on a disk that holds `most` shards."""
 
     work: Work
     most: int
@@ -81,6 +81,6 @@ class FullDisk:
 
 
 def interrupt(unit: Unit) -> ShardCounts:
-    """Work that is interrupted as by Ctrl-C in the driver's terminal, and is not meant to hear of it."""
+    """Work that sends itself the signal of Ctrl-C, which workers ignore."""
     os.kill(os.getpid(), signal.SIGINT)
     return ShardCounts(1, 0)

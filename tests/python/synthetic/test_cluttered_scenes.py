@@ -1,4 +1,4 @@
-"""A rope on a table among other things."""
+"""Scenes with other objects beside the rope."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def test_the_same_seed_gives_the_same_bits_with_and_without_a_rope():
     assert without.radius == made.radius
 
 
-def test_views_show_the_rope_between_things():
+def test_views_show_the_rope_between_objects():
     made = cluttered_scene(5)
     assert made.depth.shape == (3, 480, 640)
     seen = np.zeros(len(made.truth[0]), dtype=bool)
@@ -30,7 +30,7 @@ def test_views_show_the_rope_between_things():
         u = np.rint(made.intrinsics[0, 0] * x / z + made.intrinsics[0, 2]).astype(int)
         v = np.rint(made.intrinsics[1, 1] * y / z + made.intrinsics[1, 2]).astype(int)
         away = depth[v, u] * made.depth_scale - z
-        # of itself the rope hides something too
+        # the rope also hides parts of itself
         seen |= away > -6.0 * made.radius
         assert np.median(away) == pytest.approx(-made.radius, abs=0.4 * made.radius)
     assert seen.all()
@@ -45,13 +45,13 @@ def test_views_show_the_rope_between_things():
         (Cylinder((0.0, 0.0, 0.0), 0.02, 0.05, hollow=True), 0.0),
     ],
 )
-def test_things_are_as_high_as_they_are_from_above(thing, height):
+def test_objects_have_their_height_from_above(thing, height):
     pose = camera_pose(0.0, 0.5, np.pi / 2)
     depth = add_objects(np.full((240, 320), 0.5), [thing], K, pose)
     assert depth[120, 160] == pytest.approx(0.5 - height, abs=1e-9)
     covered = np.count_nonzero(depth < 0.5 - 1e-9)
     areas = {Box: 0.1 * 0.06, Ball: np.pi * 0.03**2, Cylinder: np.pi * 0.02**2}
-    # what is nearer looks larger: between the size on the table and at the top
+    # nearer parts look larger: the size is between that on the table and that at the top
     low, high = areas[type(thing)] * (400.0 / 0.5) ** 2, areas[type(thing)] * (400.0 / 0.44) ** 2
     if not getattr(thing, "hollow", False):
         assert 0.95 * low < covered < 1.05 * high

@@ -1,4 +1,4 @@
-"""Imitated depth cameras: their errors are as large, as wide and as biased at edges as asked for."""
+"""Imitated depth cameras: size, correlation and edge bias of their errors."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from strand.synthetic.shapes import shape
 
 RADIUS = 0.0042
 SCALE = 2e-5
-# ropes as wide in the image as those of the imitations that the cameras' numbers were fitted to
+# pixels: radius of the ropes to which the cameras' parameters were fitted
 PIXELS = {"d435": 4.1, "d405": 6.3, "zed": 3.3, "sgbm": 3.3, "tof": 4.3}
 FOCUS = {"d435": 425.0, "d405": 430.0, "zed": 530.0, "sgbm": 530.0, "tof": 505.0}
-# what they measured on the rope: 1.4826 times the median absolute error, and how far the rope's middle is
-# pushed towards the table, in radii
+# radii: measured on those ropes, 1.4826 times the median absolute error, and the bias of the rope's middle
+# towards the table
 NOISE = {"d435": 0.41, "d405": 0.59, "zed": 0.65, "sgbm": 0.98, "tof": 0.35}
 PUSHED = {"d435": 0.25, "d405": 0.41, "zed": 0.52, "sgbm": 0.71, "tof": 0.0}
 STEREO = [name for name, camera in CAMERAS.items() if camera.baseline is not None]
@@ -28,7 +28,7 @@ def pinhole(focus, size):
 
 
 def exact(chains, camera, size=(240, 180), elevation=70.0, table=3.0):
-    """Depth image at the distance at which a rope is as wide as the camera is used to."""
+    """Return a depth image from the distance to which the camera's parameters were fitted."""
     K = pinhole(FOCUS[camera], size)
     pose = camera_pose(0.0, FOCUS[camera] * RADIUS / PIXELS[camera], math.radians(elevation))
     return render_depth(chains, RADIUS, K, pose, size, table), K, pose
@@ -50,19 +50,19 @@ def disparity_error(camera, name, seed=0):
 
 
 @pytest.mark.parametrize("name", STEREO)
-def test_stereo_errors_are_as_large_as_asked_in_disparity(name):
+def test_stereo_errors_have_the_given_size_in_disparity(name):
     plain = dataclasses.replace(CAMERAS[name], amplitude=0.0, step=0.0, uneven=0.0, missing=0.0)
     errors = np.stack([disparity_error(plain, name, seed) for seed in range(4)])
     assert errors.std() == pytest.approx(plain.sd, rel=0.06)
     assert abs(errors.mean()) < 0.1 * plain.sd
-    # what is uneven has rarely larger errors, but not more often
+    # uneven errors are larger, but rarer
     uneven = dataclasses.replace(plain, uneven=0.5)
     larger = np.stack([disparity_error(uneven, name, seed) for seed in range(4)])
     assert robust(larger) == pytest.approx(plain.sd, rel=0.15)
     assert (np.abs(larger) > 3 * plain.sd).mean() > 4 * (np.abs(errors) > 3 * plain.sd).mean() > 0
 
 
-def test_time_of_flight_errors_are_as_large_as_asked_in_depth():
+def test_time_of_flight_errors_have_the_given_size_in_depth():
     camera = dataclasses.replace(CAMERAS["tof"], amplitude=0.0)
     depth, K, _ = exact([], "tof")
     errors = sensed(camera, depth, K) - depth
@@ -84,7 +84,7 @@ def test_noise_is_set_at_a_distance(name):
 
 
 @pytest.mark.parametrize("name", CAMERAS)
-def test_errors_are_correlated_as_far_as_the_camera_says_and_alike_in_rows_and_columns(name):
+def test_errors_have_the_correlation_length_in_rows_and_columns(name):
     camera = dataclasses.replace(CAMERAS[name], amplitude=0.0, step=0.0, uneven=0.0, missing=0.0)
     depth, K, _ = exact([], name)
     errors = np.stack([sensed(camera, depth, K, seed) - depth for seed in range(6)]) / depth**2
@@ -105,7 +105,7 @@ def test_errors_are_correlated_as_far_as_the_camera_says_and_alike_in_rows_and_c
 
 
 def profile(name, camera, seeds=4):
-    """Mean error over the radius, by distance from the axis in radii, and all errors on the rope."""
+    """Return the mean error in radii by distance from the axis in radii, and all errors on the rope."""
     nodes = shape("straight", RADIUS, 0.5)
     nodes = np.stack([nodes[:, 1], nodes[:, 0], nodes[:, 2]], axis=1)  # along the image's rows
     depth, K, pose = exact([nodes], name)
@@ -129,7 +129,7 @@ def profile(name, camera, seeds=4):
 
 
 @pytest.mark.parametrize("name", CAMERAS)
-def test_errors_on_a_rope_are_those_that_were_fitted(name):
+def test_errors_on_a_rope_match_the_fitted_ones(name):
     mean, on_rope = profile(name, CAMERAS[name])
     assert 1.4826 * np.median(np.abs(on_rope)) == pytest.approx(NOISE[name], rel=0.35)
     assert mean(0.0, 0.5) == pytest.approx(PUSHED[name], abs=0.2)
@@ -137,7 +137,7 @@ def test_errors_on_a_rope_are_those_that_were_fitted(name):
 
 
 @pytest.mark.parametrize("name", STEREO)
-def test_stereo_edges_are_pulled_to_both_sides(name):
+def test_stereo_mixes_edges_in_both_directions(name):
     camera = dataclasses.replace(CAMERAS[name], sd=0.0, amplitude=0.0)
     mean, _ = profile(name, camera, seeds=2)
     assert mean(0.0, 0.5) > 0.15  # towards the table
@@ -147,7 +147,7 @@ def test_stereo_edges_are_pulled_to_both_sides(name):
     assert abs(still(0.0, 0.9)) < 1e-2
 
 
-def test_time_of_flight_mixes_edges_with_what_lies_behind():
+def test_time_of_flight_mixes_edges_with_the_background():
     mean, _ = profile("tof", dataclasses.replace(CAMERAS["tof"], sd=0.0, amplitude=0.0), seeds=1)
     assert mean(0.75, 1.0) > 0.25
     assert abs(mean(0.0, 0.5)) < 0.1
@@ -183,10 +183,10 @@ def test_a_far_wall_is_not_mixed_with_the_rope():
     seen = sensed(CAMERAS["d435"], wall, K)
     between = (seen > 0.56) & (seen < 1.1)
     assert between.sum() < 0.02 * (depth > 0).sum()
-    # the edge is not where it is: that is the lateral error
+    # the lateral error displaces the edge
     moved = (np.abs(seen - 0.5) < 0.06) != (depth > 0)
     assert 0.02 * (depth > 0).sum() < moved.sum() < 0.5 * (depth > 0).sum()
-    # and what has no return gets none
+    # pixels without a return stay without one
     assert not sensed(CAMERAS["d435"], depth, K)[depth == 0].any()
 
 
@@ -202,7 +202,7 @@ def test_disparities_are_drawn_to_steps_and_rounded():
     assert abs(np.cos(2 * np.pi * to_disparity / sensed(free, depth, K)).mean()) < 0.05
 
 
-def test_so_many_pixels_have_no_depth_as_asked():
+def test_the_given_fraction_of_pixels_has_no_depth():
     depth, K, _ = exact([shape("arc", RADIUS, 0.2)], "d435")
     table, _, _ = exact([], "d435")
     rope = depth < table - 1e-9
@@ -220,7 +220,7 @@ def test_so_many_pixels_have_no_depth_as_asked():
 
 
 @pytest.mark.parametrize("name", CAMERAS)
-def test_same_chance_same_bits(name):
+def test_same_generator_same_bits(name):
     depth, K, _ = exact([shape("loop", RADIUS, 0.3)], name)
     first, again, other = (sensed(CAMERAS[name], depth, K, seed) for seed in (3, 3, 4))
     assert np.array_equal(first, again)
@@ -230,7 +230,7 @@ def test_same_chance_same_bits(name):
     assert np.array_equal(sensed(camera, depth, K) == 0, sensed(louder, depth, K) == 0)
 
 
-def test_depths_beyond_what_is_stored_are_dropped():
+def test_depths_beyond_uint16_are_dropped():
     K = pinhole(425.0, (40, 30))
     far = CAMERAS["d435"].sense(np.full((30, 40), 9.0), K, depth_scale=1e-4, rng=np.random.default_rng(0))
     assert far.dtype == np.uint16

@@ -1,4 +1,4 @@
-"""Smooth random images, and pixels near others."""
+"""Smooth random images, and dilated masks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from strand.synthetic.fields import dilate, draw_field
 
 
 @pytest.mark.parametrize("smoothness", [0.0, 0.8, 2.0, 4.0])
-def test_fields_are_normal_and_as_smooth_as_asked(smoothness):
+def test_fields_are_normal_and_have_the_given_smoothness(smoothness):
     made = draw_field((400, 500), smoothness, np.random.default_rng(1))
     assert made.shape == (400, 500)
     assert made.mean() == pytest.approx(0.0, abs=0.05)
@@ -23,7 +23,7 @@ def test_fields_are_normal_and_as_smooth_as_asked(smoothness):
             assert (a * b).mean() == pytest.approx(expected, abs=0.06)
 
 
-def test_spread_reaches_as_far_in_rows_and_columns():
+def test_masks_dilate_equally_in_rows_and_columns():
     chosen = np.random.default_rng(2).random((40, 50)) < 0.01
     assert chosen.any()
     for reach in (0, 1, 3):

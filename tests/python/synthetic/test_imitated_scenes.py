@@ -34,7 +34,7 @@ def test_a_camera_sees_ropes_and_table_and_gives_a_mask():
         seen = made.depth[i] > 0
         errors.append(error[made.mask[i] & seen])
         assert seen.mean() > 0.95
-        # the table is there, and as noisy
+        # the table has the same noise
         assert 0.1 * RADIUS < np.std(error[~made.mask[i] & seen]) < RADIUS
     assert made.noise == pytest.approx(1.4826 * np.median(np.abs(np.concatenate(errors))), rel=1e-6)
     assert 0.15 * RADIUS < made.noise < RADIUS
@@ -46,8 +46,8 @@ def test_a_camera_sees_ropes_and_table_and_gives_a_mask():
 
 
 @pytest.mark.parametrize("name", CAMERAS)
-def test_noise_is_asked_for_or_the_cameras_own(name):
-    # but for the steps, which are coarse in small images
+def test_noise_is_the_given_one_or_the_devices(name):
+    # except for the rounding, which is coarse in small images
     smooth = dataclasses.replace(CAMERAS[name], amplitude=0.0, step=0.0)
     quiet, loud = (
         scene("s", camera=Camera(smooth, size=(160, 120)), views=1, noise=Noise(depth=part * RADIUS))
@@ -63,7 +63,7 @@ def test_noise_is_asked_for_or_the_cameras_own(name):
     )
     assert np.array_equal(own.depth, given.depth)
     assert np.array_equal(own.mask, given.mask)
-    # the noise has no part in how the rope lies, nor in the mask
+    # the noise changes neither the rope nor the mask
     assert np.array_equal(quiet.truth[0], loud.truth[0])
     assert np.array_equal(quiet.mask, loud.mask)
 
@@ -96,7 +96,7 @@ def test_distance_and_elevation():
     where = far.poses_true[0, :3, 3]
     assert np.linalg.norm(where) == pytest.approx(0.9)
     assert math.degrees(math.asin(where[2] / 0.9)) == pytest.approx(70)
-    # never so near that a rope is cut
+    # the camera is never so near that it cuts the rope off
     closest = scene("s", views=1, layout=Layout(distance=1e-3))
     assert np.linalg.norm(closest.poses_true[0, :3, 3]) < np.linalg.norm(near.poses_true[0, :3, 3])
     seen = (closest.truth[0] - closest.poses_true[0, :3, 3]) @ closest.poses_true[0, :3, :3]
@@ -115,14 +115,14 @@ def test_a_rope_before_a_wall():
     middle = made.depth[1] * made.depth_scale
     assert np.median(middle[~made.mask[1]]) == pytest.approx(distance + 0.6, rel=0.02)
     assert np.median(middle[made.mask[1]]) == pytest.approx(distance - RADIUS, abs=2.5 * RADIUS)
-    # the rope's pixels are where its nodes are seen
+    # the mask holds the pixels of the rope's nodes
     seen = (hung - made.poses_true[0, :3, 3]) @ made.poses_true[0, :3, :3]
     column, row = np.rint((seen @ made.intrinsics.T)[:, :2] / seen[:, 2:]).astype(int).T
     assert made.mask[0][row, column].mean() > 0.99
     assert made.bounds[0] == pytest.approx(hung.min(axis=0) - 6 * RADIUS)
 
 
-def test_a_bar_hides_the_rope_and_is_none():
+def test_a_bar_hides_the_rope_and_is_not_in_the_mask():
     rope = shape("straight", length=0.2)
     across = (
         np.array([0.0, 1.0, 0.0]) if np.ptp(rope[:, 0]) > np.ptp(rope[:, 1]) else np.array([1.0, 0.0, 0.0])

@@ -1,4 +1,4 @@
-"""Ropes at random."""
+"""Random ropes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from strand.synthetic import random_ropes
 
 
 @pytest.mark.parametrize(("crossings", "ropes", "seed"), [(0, 1, 0), (2, 1, 1), (3, 2, 5), (4, 3, 2)])
-def test_random_ropes_cross_as_often_as_wanted_and_never_cut_through_each_other(crossings, ropes, seed):
+def test_random_ropes_have_the_given_crossings_and_never_intersect(crossings, ropes, seed):
     chains = random_ropes(crossings, ropes, R, seed)
     assert len(chains) == ropes
     for again, chain in zip(random_ropes(crossings, ropes, R, seed), chains, strict=True):
@@ -38,7 +38,7 @@ def test_random_ropes_cross_as_often_as_wanted_and_never_cut_through_each_other(
     assert apart[~own].min() > 1.9 * R
 
 
-def test_numbers_that_cannot_be_are_refused():
+def test_impossible_numbers_are_refused():
     with pytest.raises(ValueError, match="crossings"):
         random_ropes(-1)
     with pytest.raises(ValueError, match="ropes"):

@@ -1,4 +1,4 @@
-"""The simulated camera."""
+"""Exact depth images, and plain noise."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def test_quantisation():
         seen = sense(exact, depth_scale=depth_scale, **settings)
         assert seen.dtype == np.uint16
         assert np.abs(seen * depth_scale - exact).max() <= 0.5001 * depth_scale
-    # 1e-6 m in 16 bits reach 66 mm only: what is farther has no return
+    # 16 bits of 1e-6 m reach 66 mm only; farther points have no return
     assert not sense(exact, depth_scale=1e-6, **settings).any()
 
 

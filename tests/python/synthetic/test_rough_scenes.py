@@ -9,14 +9,14 @@ from strand.synthetic import CAMERAS, ROUGH, render_depth, rough_scene
 
 
 def width(made):
-    """Radius in the middle view, pixels."""
+    """Return the ropes' radius in the middle view, pixels."""
     pose = made.poses_true[len(made.poses_true) // 2]
     depth = ((np.concatenate(made.truth) - pose[:3, 3]) @ pose[:3, :3])[:, 2]
     return made.intrinsics[0, 0] * made.radius / np.median(depth)
 
 
 def shown(made, i):
-    """Pixels that would show a rope if nothing were in the way."""
+    """Return the pixels that would show a rope without obstacles."""
     height, columns = made.depth.shape[1:]
     return (
         render_depth(made.truth, made.radius, made.intrinsics, made.poses_true[i], (columns, height), False)
@@ -57,7 +57,7 @@ def test_a_third_of_the_depth_is_missing():
         made = rough_scene("missing", seed)
         rope = shown(made, 0)
         assert (made.depth[0][rope] == 0).mean() == pytest.approx(1 / 3, abs=0.1)
-        assert made.mask[0][rope].mean() > 0.6  # the mask has them all the same
+        assert made.mask[0][rope].mean() > 0.6  # the mask still has these pixels
 
 
 def test_ragged_masks():

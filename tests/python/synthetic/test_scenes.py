@@ -16,7 +16,7 @@ RADIUS = 0.0042
 PINHOLE = np.array([[212.0, 0.0, 159.5], [0.0, 212.0, 119.5], [0.0, 0.0, 1.0]])
 
 
-def test_noise_is_normal_and_as_large_as_asked():
+def test_noise_is_normal_with_the_given_deviation():
     for noise in (0.0003, 0.0007, 0.0015):
         made = scene("s", noise=Noise(depth=noise, flying=0.0), views=2, seed=4)
         exact = np.stack([render_depth(made.truth, RADIUS, PINHOLE, pose) for pose in made.poses_true])
@@ -84,7 +84,7 @@ def test_same_seed_same_bits():
     assert np.array_equal(first.truth[0], again.truth[0])
     assert not np.array_equal(first.truth[0], other.truth[0])
     assert not np.array_equal(first.depth, other.depth)
-    # the noise has no part in how the rope lies
+    # the noise does not change the rope
     assert np.array_equal(first.truth[0], scene(seed=5, views=2, noise=Noise(depth=0.0)).truth[0])
 
 

@@ -1,4 +1,4 @@
-"""Masks as segmenters give them."""
+"""Imitated segmentation masks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_exact_without_arguments():
     assert np.array_equal(mask, ROPES)
 
 
-def test_grown_and_eaten():
+def test_too_wide_and_too_narrow():
     for pixels in (1, 3):
         assert np.array_equal(found(Segmentation(grow=pixels)), binary_dilation(ROPES, SQUARE, pixels))
         assert np.array_equal(found(Segmentation(grow=-pixels)), binary_erosion(ROPES, SQUARE, pixels))
@@ -39,17 +39,17 @@ def test_ragged_at_the_edge_only():
     assert not changed[depth > 7].any()
 
 
-def test_bits_are_lost():
+def test_pixels_are_lost_in_patches():
     mask = found(Segmentation(lost=0.1))
     assert not (mask & ~ROPES).any()
     assert (ROPES & ~mask).sum() == pytest.approx(0.1 * ROPES.sum(), abs=1)
     _, holes = label(ROPES & ~mask)
     assert holes > 10
-    # larger bits are fewer
+    # larger patches are fewer
     assert label(ROPES & ~found(Segmentation(lost=0.1, patch=4.0)))[1] < holes
 
 
-def test_bits_of_the_background_are_taken():
+def test_background_pixels_are_taken():
     mask = found(Segmentation(taken=0.2, grow=1))
     extra = mask & ~binary_dilation(ROPES, SQUARE)
     assert extra.sum() == pytest.approx(0.2 * ROPES.sum(), abs=2)
@@ -58,7 +58,7 @@ def test_bits_of_the_background_are_taken():
     assert (away[extra] > 30).any()
 
 
-def test_same_chance_same_mask():
+def test_same_generator_same_mask():
     rough = Segmentation(grow=-1, ragged=0.7, lost=0.1, taken=0.1)
     assert np.array_equal(found(rough), found(rough))
     assert not np.array_equal(found(rough), found(rough, 1))

@@ -38,7 +38,7 @@ def finer(nodes, times=3):
 
 
 def clearance(nodes, radius):
-    """Least distance between places farther apart than pi * radius along the rope, in radii."""
+    """Return the least distance between places more than pi * radius apart along the rope, radii."""
     fine = finer(nodes)
     s = shapes.compute_arc_lengths(fine)
     apart = cdist(fine, fine)[np.abs(s[:, None] - s) > np.pi * radius]
@@ -93,7 +93,7 @@ def test_seeds_place_and_vary_valid_shapes(name):
 
 
 @pytest.mark.parametrize("name", [name for name, count in CROSSINGS.items() if count])
-def test_strands_pass_by_turns_under_and_over(name):
+def test_crossings_alternate_under_and_over(name):
     nodes = shape(name)
     passes = sorted(
         (s, z * side) for low, high, z in find_crossings(nodes) for s, side in ((low, -1), (high, 1))
@@ -101,7 +101,7 @@ def test_strands_pass_by_turns_under_and_over(name):
     heights = np.array([z for _, z in passes])
     assert (np.sign(heights) == np.tile([-1, 1], len(heights) // 2)).all()
     assert np.abs(heights) == pytest.approx(2.1 * RADIUS, rel=0.01)
-    # down on the table at both ends, and wherever the rope passes under
+    # the rope lies on the table at both ends, and wherever it passes under
     assert nodes[[0, -1], 2] == pytest.approx(RADIUS)
     s = shapes.compute_arc_lengths(nodes)
     assert np.interp([at for at, z in passes if z < 0], s, nodes[:, 2]) == pytest.approx(RADIUS, rel=0.01)
@@ -125,7 +125,7 @@ def test_knots():
 
 
 def test_halves_of_a_square_knot_are_mirrored():
-    # alike at the start; in the second half the plan turns the other way
+    # the first halves are equal; in the second half, the plan turns the other way
     turns = {}
     for name in ("granny", "square"):
         steps = np.diff(shape(name)[:, :2], axis=0)
