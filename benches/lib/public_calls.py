@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 
 import strand
-from strand import _core
+import strand._core as _core
 
 # what any call may raise
 ALLOWED = (TypeError, ValueError, strand.StrandError, MemoryError)

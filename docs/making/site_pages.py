@@ -18,6 +18,7 @@ DOCS = ROOT / "docs"
 # pages outside of docs/, and their names in the site
 PAGES = {
     "README.md": "index.md",
+    "examples/README.md": "examples.md",
     "packaging/README.md": "wheels.md",
 } | {
     f"{name.upper()}.md": f"{name}.md"

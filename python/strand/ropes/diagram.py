@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
-from strand import _core
+import strand._core as _core
 from strand.geometry.frames import check_direction
 from strand.support.checks import check_bool, check_finite_array
 

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand import _core
+import strand._core as _core
 from strand.geometry.frames import check_direction
 from strand.geometry.line import Line
 from strand.ropes.diagram import Diagram, make_diagram

@@ -30,7 +30,7 @@ import json, os, signal, sys, threading, time
 sys.path[:0] = {path!r}
 import numpy as np
 import strand
-from strand import _core
+import strand._core as _core
 
 rng = np.random.default_rng(0)
 crowd, many = rng.uniform(size=(60_000, 3)), rng.uniform(size=(300_000, 3))

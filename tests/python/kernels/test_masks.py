@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from strand import _core
+import strand._core as _core
 
 
 @pytest.fixture(params=range(6))

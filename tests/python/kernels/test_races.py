@@ -18,7 +18,7 @@ import sys, threading, time
 import numpy as np
 sys.path[:0] = {path!r}
 import strand
-from strand import _core
+import strand._core as _core
 
 points = np.random.default_rng(0).uniform(size=(4000, 3))
 depth = np.full((60, 80), 1.0)
