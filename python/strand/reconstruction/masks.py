@@ -75,7 +75,7 @@ def find_misplaced_masks(
     """
     found = []
     for number in numbers:
-        image = _masked_image(views[number], bounds)
+        image = _find_mask(views[number], bounds)
         reason, shows_background = (None, False) if image is None else _judge_mask(image, bounds, radii)
         if reason is not None:
             doubt = Doubt("mask", _MISPLACED, "whether its mask is right", f"view {number}: {reason}")
@@ -188,7 +188,7 @@ def warn_of_surplus_labels(views: Sequence[View], ropes: int | None) -> Iterator
             yield ModelWarning("mask", message, amount=float(labels), view=number)
 
 
-def _masked_image(view: View, bounds: Box | None) -> DepthImage | None:
+def _find_mask(view: View, bounds: Box | None) -> DepthImage | None:
     """Return a view's image if it has a mask that tells something."""
     image = view.image
     # within an extraction range, a mask of everything tells nothing
@@ -205,7 +205,7 @@ def _shows_rope(
     inside = (z > 0) & image.mask[rows, columns]
     if bounds is None:
         return inside
-    world = moved(image.camera.rays(rows, columns) * z[:, None], image.pose)
+    world = moved(image.camera.cast_rays(rows, columns) * z[:, None], image.pose)
     return np.asarray(inside & bounds.holds(world))
 
 
@@ -217,13 +217,13 @@ def _judge_mask(image: DepthImage, bounds: Box | None, radii: Array) -> tuple[st
     if not inside.any():
         return None, False
     share = float(inside.mean()) * len(flat) / image.mask.size
-    heights = _heights_above_sides(image, bounds, rows[inside], columns[inside], _REACH * radii[-1])
+    heights = _measure_above_sides(image, bounds, rows[inside], columns[inside], _REACH * radii[-1])
     few = len(heights) < _MIN_SHARE_COMPARED * len(_SIDES) * inside.sum()
     if few and share > _MAX_SHARE_OF_IMAGE:
         return f"its mask holds {share:.0%} of the image, and the background with it", False
     if len(heights) < _MIN_COMPARISONS:
         # next to the image's border there is nothing on the other side
-        heights = _heights_above_table(image, rows[inside], columns[inside], float(radii[0]))
+        heights = _measure_above_table(image, rows[inside], columns[inside], float(radii[0]))
     if len(heights) < _MIN_COMPARISONS:
         return None, False
     height = float(np.median(heights)) / radii[0]
@@ -238,7 +238,7 @@ def _judge_mask(image: DepthImage, bounds: Box | None, radii: Array) -> tuple[st
     return reason, scatter < _MAX_SCATTER and low > _MIN_SHARE_LOW
 
 
-def _heights_above_table(image: DepthImage, rows: _Indices, columns: _Indices, radius: float) -> Array:
+def _measure_above_table(image: DepthImage, rows: _Indices, columns: _Indices, radius: float) -> Array:
     """(N,) Return the heights of pixels above the table, metres; none if there is no table."""
     table = find_table_beside_ropes(image, radius)
     if table is None:
@@ -246,7 +246,7 @@ def _heights_above_table(image: DepthImage, rows: _Indices, columns: _Indices, r
     return table.measure_heights(image.lift(rows, columns, image.depth[rows, columns]))
 
 
-def _heights_above_sides(
+def _measure_above_sides(
     image: DepthImage, bounds: Box | None, rows: _Indices, columns: _Indices, reach: float
 ) -> Array:
     """(M,) Return how far pixels of ropes lie before the mean of both sides, where neither is rope; metres.

@@ -159,8 +159,8 @@ def _find_ropes_among_things(extract: Extract, radii: Radii | None, run: Run) ->
     if found.other_objects:
         first = found.other_objects[0]
         message = (
-            f"left out what is no rope on the table, {len(found.other_objects)} pieces as the views show "
-            f"them; the first at {round_to_millimeters(first.place)}: {first.reason}"
+            f"dropped {len(found.other_objects)} objects on the table that are no ropes, counted per view; "
+            f"the first at {round_to_millimeters(first.place)}: {first.reason}"
         )
         run.warn("thing", message, first.place, view=first.view)
     return found

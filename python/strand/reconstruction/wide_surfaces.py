@@ -107,7 +107,7 @@ def _measure_normals(points: Array, places: Array, radius: float) -> tuple[float
             away = near - center
             patch = away[(away * away).sum(axis=1) < (_NORMAL_REACH * radius) ** 2]
             if len(patch) >= _MIN_NORMAL_POINTS:
-                values, vectors = np.linalg.eigh(_covariance(patch))
+                values, vectors = np.linalg.eigh(_compute_covariance(patch))
                 tensor += np.outer(vectors[:, 0], vectors[:, 0])
                 ratios.append(values[0] / max(values[1], np.finfo(float).tiny))
         if ratios:
@@ -117,6 +117,6 @@ def _measure_normals(points: Array, places: Array, radius: float) -> tuple[float
     return (float(np.median(along)), float(np.median(thick))) if along else (0.0, np.inf)
 
 
-def _covariance(points: Array) -> Array:
+def _compute_covariance(points: Array) -> Array:
     from_mean = points - points.mean(axis=0)
     return np.asarray(from_mean.T @ from_mean / len(points))

@@ -60,7 +60,7 @@ class Camera:
         height, width = self.depth.shape
         columns = np.array([-0.5, width - 0.5, width - 0.5, -0.5])
         rows = np.array([-0.5, -0.5, height - 0.5, height - 0.5])
-        rays = self.pinhole.rays(rows, columns)
+        rays = self.pinhole.cast_rays(rows, columns)
         return np.asarray(self.viewpoint + distance * rays @ self.pose[:3, :3].T)
 
 

@@ -89,7 +89,7 @@ def add_objects(depth: Array, objects: list[Object], intrinsics: Array, pose: Ar
     height, width = depth.shape
     rows, columns = np.mgrid[:height, :width]
     # at z = 1 in the camera frame, so that the parameter along a ray is the depth
-    rays = Pinhole.from_matrix(intrinsics).rays(rows, columns) @ pose[:3, :3].T
+    rays = Pinhole.from_matrix(intrinsics).cast_rays(rows, columns) @ pose[:3, :3].T
     nearest = np.where(depth > 0, depth, np.inf)
     for item in objects:
         nearest = np.minimum(nearest, _cast(item, pose[:3, 3], rays))

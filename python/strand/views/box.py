@@ -42,7 +42,7 @@ class Box:
     pose: Array | None = None
 
     def __post_init__(self) -> None:
-        low, high = _corners("", self.low, self.high)
+        low, high = _check_corners("", self.low, self.high)
         object.__setattr__(self, "low", freeze_array(low))
         object.__setattr__(self, "high", freeze_array(high))
         if self.pose is not None:
@@ -114,10 +114,10 @@ def make_box(value: Bounds) -> Box:
         low, high = value
     except (TypeError, ValueError):
         raise ValueError("bounds: expected a pair (low, high) of corners or a strand.Box") from None
-    return Box(*_corners("bounds: ", low, high))
+    return Box(*_check_corners("bounds: ", low, high))
 
 
-def _corners(of: str, low: ArrayLike, high: ArrayLike) -> tuple[Array, Array]:
+def _check_corners(of: str, low: ArrayLike, high: ArrayLike) -> tuple[Array, Array]:
     first, last = (
         check_float_array(f"{of}{name}", convert_integers(f"{of}{name}", corner), (3,))
         for name, corner in (("low", low), ("high", high))

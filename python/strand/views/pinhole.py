@@ -44,7 +44,7 @@ class Pinhole(NamedTuple):
         (fx, fy), (cx, cy) = self
         return np.stack([(columns - cx) * z / fx, (rows - cy) * z / fy, z], axis=-1)
 
-    def rays(self, rows: Pixels, columns: Pixels) -> Array:
+    def cast_rays(self, rows: Pixels, columns: Pixels) -> Array:
         """Return the rays (..., 3) of pixels in the camera frame, as far as a depth of one."""
         (fx, fy), (cx, cy) = self
         return np.stack([(columns - cx) / fx, (rows - cy) / fy, np.ones(np.shape(rows))], axis=-1)

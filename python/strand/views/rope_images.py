@@ -41,19 +41,19 @@ def make_rope_images(
         little out of it.
     """
     return [
-        _image_from_points(view)
+        _draw_points(view)
         if uncropped.image is None
-        else _with_rope_pixels(uncropped.image, view, bounds, margin)
+        else _mark_rope_pixels(uncropped.image, view, bounds, margin)
         for view, uncropped in zip(views, whole, strict=True)
     ]
 
 
 def make_image(view: View) -> DepthImage:
     """Return a view's depth image, or one made of its points."""
-    return _image_from_points(view) if view.image is None else view.image
+    return _draw_points(view) if view.image is None else view.image
 
 
-def _with_rope_pixels(image: DepthImage, view: View, bounds: Box | None, margin: float) -> DepthImage:
+def _mark_rope_pixels(image: DepthImage, view: View, bounds: Box | None, margin: float) -> DepthImage:
     if image.labels is None:
         mask = np.zeros(image.depth.shape, dtype=bool)
         mask[find_pixels(view.points, image)] = True
@@ -77,8 +77,8 @@ def find_pixels(points: Array, image: DepthImage) -> tuple[NDArray[np.int64], ND
     return np.rint(rows).astype(np.int64), np.rint(columns).astype(np.int64)
 
 
-def _image_from_points(view: View) -> DepthImage:
-    """Project points to an image whose pixels are as far apart as the points are."""
+def _draw_points(view: View) -> DepthImage:
+    """Project points to an image with about one pixel for each point."""
     points = view.points
     towards = points.mean(axis=0)
     forward = towards / np.linalg.norm(towards)

@@ -21,10 +21,10 @@ def test_points_are_seen_where_pixels_show_them():
     points = CAMERA.lift(rows, columns, z)
     seen = CAMERA.project(points.reshape(-1, 3))
     assert seen == pytest.approx(np.column_stack([columns.ravel(), rows.ravel()]), abs=1e-9)
-    assert CAMERA.rays(rows, columns) * z[..., None] == pytest.approx(points)
+    assert CAMERA.cast_rays(rows, columns) * z[..., None] == pytest.approx(points)
 
 
 def test_squares_of_pixels_look_where_their_middle_does():
-    ray = CAMERA.rays(np.array([4.0]), np.array([7.0]))
+    ray = CAMERA.cast_rays(np.array([4.0]), np.array([7.0]))
     # the middle of the square of rows 3 to 5 and columns 6 to 8 of the fine image
-    assert CAMERA.averaged(3).rays(np.array([1.0]), np.array([2.0])) == pytest.approx(ray)
+    assert CAMERA.averaged(3).cast_rays(np.array([1.0]), np.array([2.0])) == pytest.approx(ray)

@@ -63,7 +63,7 @@ def average_along_ropes(image: DepthImage, table: Plane, bounds: Box | None, rad
         weight += share * weights[v, u]
     height = radius * total / weight
     normal, offset = table
-    rays = image.camera.rays(rows, columns)
+    rays = image.camera.cast_rays(rows, columns)
     slope = rays @ image.pose[:3, :3].T @ normal
     z = (offset + height - image.pose[:3, 3] @ normal) / np.where(slope < 0.0, slope, -np.inf)
     return np.asarray(rays[z > 0.0] * z[z > 0.0, None])

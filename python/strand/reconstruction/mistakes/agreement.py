@@ -103,18 +103,18 @@ def distance_between_views(
     if _shows_more_than_ropes(shown) or sum(len(view.points) >= _MIN_POINTS for view in shown) < 2:
         return math.nan
     clouds = [view.world_points for view in shown]
-    directions = [_viewing_direction(cloud, view) for cloud, view in zip(clouds, views, strict=True)]
+    directions = [_find_direction(cloud, view) for cloud, view in zip(clouds, views, strict=True)]
     found, skipped = [], 0
     for i in range(len(views)):
         # opposite sides of a rope are as close to each other as the rope is thick
         if (
             directions[i] @ directions[i - 1] < _OPPOSITE
-            and _median_distance(clouds[i], clouds[i - 1]) < farthest
+            and _measure_distance(clouds[i], clouds[i - 1]) < farthest
         ):
             skipped += 1
             found += [] if opposite is None else [opposite]
         else:
-            found += _distance_in_view(clouds[i], clouds[i - 1], views[i - 1], farthest)
+            found += _measure_in_sight(clouds[i], clouds[i - 1], views[i - 1], farthest)
     if skipped and not found:
         return 0.0
     return float(np.mean(found)) if found else math.inf
@@ -123,7 +123,7 @@ def distance_between_views(
 def explain_distance(
     views: Sequence[View], bounds: Box | None, radius: float, distance: float
 ) -> list[Doubt]:
-    """Name the mistake without which views agree; without one, doubt the poses of views that are far apart.
+    """Name the mistake without which views agree; without one, doubt the poses of views that disagree.
 
     If no view shows the ropes of another, they may show different ropes, but hardly ever do.
 
@@ -138,12 +138,12 @@ def explain_distance(
     distance : float
         Between the views, metres.
     """
-    without = [_distance_without(mistake.undo(views), bounds, radius) for mistake in MISTAKES]
+    without = [_measure_without(mistake.undo(views), bounds, radius) for mistake in MISTAKES]
     least = min(range(len(MISTAKES)), key=without.__getitem__)
     limit = " or more" if distance >= 0.99 * _FARTHEST * radius else ""
-    shown = f"views show the ropes {1e3 * distance:.1f} mm{limit} apart"
+    shown = f"views disagree by {1e3 * distance:.1f} mm{limit} about where the ropes are"
     if not math.isfinite(distance):
-        shown = "no view has the ropes of another in sight"
+        shown = "no view shows the ropes of another"
     if without[least] < _MAX_DISTANCE * radius and not without[least] > distance / _MIN_GAIN:
         mistake = MISTAKES[least]
         reason = f"{mistake.advice}; {shown}, {1e3 * without[least]:.1f} mm without that"
@@ -157,7 +157,7 @@ def explain_distance(
     return [Doubt("pose", amount, "where the ropes are", f"{shown}; {asked}")]
 
 
-def _distance_without(views: Sequence[View | None], bounds: Box | None, radius: float) -> float:
+def _measure_without(views: Sequence[View | None], bounds: Box | None, radius: float) -> float:
     """Return the distance between views without a mistake, metres; infinite if they cannot show it."""
     known = [view for view in views if view is not None]
     if len(known) < len(views):
@@ -172,35 +172,35 @@ def _shows_more_than_ropes(shown: Sequence[View]) -> bool:
     return max(len(view.points) for view in shown) > _MAX_ROPE_POINTS
 
 
-def _distance_in_view(own: Array, other: Array, view: View, farthest: float) -> Iterator[float]:
+def _measure_in_sight(own: Array, other: Array, view: View, farthest: float) -> Iterator[float]:
     """Yield the distance from a cloud to that of another view, unless that view does not show the cloud."""
     sample = _sample(own)
-    sample = sample[_in_field_of_view(sample, view)]
+    sample = sample[_are_in_sight(sample, view)]
     if len(sample) < _MIN_POINTS:
         return
     if len(other) < _MIN_POINTS:
         yield farthest
         return
-    yield min(_median_distance(sample, other), farthest)
+    yield min(_measure_distance(sample, other), farthest)
 
 
 def _sample(points: Array) -> Array:
     return points[:: max(len(points) // _SAMPLE, 1)]
 
 
-def _median_distance(own: Array, other: Array) -> float:
+def _measure_distance(own: Array, other: Array) -> float:
     """Return the median distance from points to the nearest of others, metres; infinite without points."""
     if not len(own) or not len(other):
         return float("inf")
     return float(np.sqrt(np.median(_core.find_squared_distances(_sample(own), other))))
 
 
-def _in_field_of_view(points: Array, view: View) -> NDArray[np.bool_]:
+def _are_in_sight(points: Array, view: View) -> NDArray[np.bool_]:
     """Tell which points of the world lie in a view's image, or among the directions of its points."""
     image = view.image
     seen = (points - view.pose[:3, 3]) @ view.pose[:3, :3]
     if image is None:
-        own, asked = _unit_vectors(view.points), _unit_vectors(seen)
+        own, asked = _normalize(view.points), _normalize(seen)
         middle = own.sum(axis=0)
         return np.asarray(asked @ middle >= (own @ middle).min(initial=np.inf))
     height, width = image.depth.shape
@@ -209,12 +209,12 @@ def _in_field_of_view(points: Array, view: View) -> NDArray[np.bool_]:
     return np.asarray((seen[:, 2] > 0) & (u > -0.5) & (u < width - 0.5) & (v > -0.5) & (v < height - 0.5))
 
 
-def _unit_vectors(points: Array) -> Array:
+def _normalize(points: Array) -> Array:
     """(N, 3) Return the directions from a camera to points of its frame."""
     return np.asarray(points / np.maximum(np.linalg.norm(points, axis=1), _TINY)[:, None])
 
 
-def _viewing_direction(cloud: Array, view: View) -> Array:
+def _find_direction(cloud: Array, view: View) -> Array:
     """(3,) Return the direction from a camera to the middle of its ropes, world frame."""
     if not len(cloud):
         return np.zeros(3)

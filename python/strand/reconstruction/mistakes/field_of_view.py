@@ -88,7 +88,7 @@ def doubt_shared_viewpoint(views: Sequence[View]) -> Doubt | None:
     for group in groups.values():
         if len(group) < 2:
             continue
-        seen = [cells for number in group if len(cells := _cells_seen(views[number])) >= _MIN_CELLS]
+        seen = [cells for number in group if len(cells := _find_cells(views[number])) >= _MIN_CELLS]
         for one, other in itertools.pairwise(seen):
             common = len(one & other) / len(one | other)
             if common < _MIN_COMMON:
@@ -133,7 +133,7 @@ def _explain_offset(image: DepthImage) -> str | None:
     return None
 
 
-def _cells_seen(view: View) -> set[int]:
+def _find_cells(view: View) -> set[int]:
     """Return the cells of directions in which a view of points shows something."""
     points = view.points[:: max(len(view.points) // _SAMPLE_OF_CELLS, 1)]
     away = np.linalg.norm(points, axis=1)

@@ -112,7 +112,7 @@ def _divide_by_rays(view: View) -> View | None:
 
 def measure_ray_lengths(image: DepthImage) -> Array:
     """(H, W) Return the length of each pixel's ray to a depth of one."""
-    x, y, _ = np.moveaxis(image.camera.rays(*np.indices(image.depth.shape)), -1, 0)
+    x, y, _ = np.moveaxis(image.camera.cast_rays(*np.indices(image.depth.shape)), -1, 0)
     return np.asarray(np.sqrt(1.0 + x**2 + y**2))
 
 

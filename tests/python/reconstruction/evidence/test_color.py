@@ -12,7 +12,9 @@ from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.outliers import drop_outliers
 from strand.reconstruction.tubes.join_costs import price_joins
 
-RED, BLUE, ORANGE = (0.8, 0.15, 0.1), (0.1, 0.2, 0.7), (0.8, 0.45, 0.1)
+RED = (0.8, 0.15, 0.1)
+BLUE = (0.1, 0.2, 0.7)
+ORANGE = (0.8, 0.45, 0.1)
 
 
 def test_views_with_and_without_colours_go_together():

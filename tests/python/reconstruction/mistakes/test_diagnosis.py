@@ -21,7 +21,10 @@ from strand.views.extract import Extract, extract_views
 
 SCENE = strand.synthetic.scene("paper", seed=2, views=3, noise=strand.synthetic.Noise(depth=0.5e-3))
 BOUNDS = strand.Box(*SCENE.bounds)
-DEPTH, K, POSES, R = SCENE.depth * SCENE.depth_scale, SCENE.intrinsics, SCENE.poses, SCENE.radius
+DEPTH = SCENE.depth * SCENE.depth_scale
+K = SCENE.intrinsics
+POSES = SCENE.poses
+R = SCENE.radius
 
 
 def images(depth=DEPTH, intrinsics=K, poses=POSES):
@@ -92,11 +95,11 @@ def test_a_mistake_undone_gives_views_that_agree_and_what_was_given_back():
     np.testing.assert_array_equal(back.image.depth, DEPTH[0])
 
 
-def test_the_answer_has_the_doubt_and_says_how_far_apart_views_are():
+def test_the_answer_has_the_doubt_and_says_by_how_much_views_disagree():
     model = strand.reconstruct(MADE["depth looks mirrored, left to right"], R, SCENE.bounds)
     doubt = model.doubts[0]
     assert doubt.kind == "depth"
-    assert "give depth[:, ::-1]; views show the ropes" in doubt.reason
+    assert "give depth[:, ::-1]; views disagree by" in doubt.reason
     assert model.confidence < 1e-3
 
 
@@ -123,7 +126,7 @@ def test_views_of_different_places_do_not_disagree_but_are_doubted():
     assert np.isinf(distance_between_views(ropes, ropes, 10.0 * R))
     # that is unusual
     (doubt,) = name_mistakes(views, ropes, None)
-    assert doubt.reason.startswith("no view has the ropes of another in sight; are poses camera-to-world")
+    assert doubt.reason.startswith("no view shows the ropes of another; are poses camera-to-world")
     assert 0.5 < doubt.amount < 1.0
     assert np.isnan(distance_between_views(ropes[:1], ropes[:1], 10.0 * R))
     assert name_mistakes(views[:1], ropes[:1], None) == []
