@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 import strand
+from lib.calibration import Truth, compute_calibration
+from lib.imitated_scenes import make_imitated
 from lib.measure import measure_chains
 from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
-from limits import Truth, compute_calibration
-from sensors import draw_scene
 from strand import synthetic
 from strand.synthetic import SyntheticScene
 
@@ -104,7 +104,7 @@ def main() -> int:
     print()
     print_head("camera", *titles)
     for camera, views in product(synthetic.CAMERAS, CAMERA_VIEWS):
-        cells = format_cells((draw_scene(shape, shape, camera, views, seed) for shape, seed in chosen), 1)
+        cells = format_cells((make_imitated(shape, shape, camera, views, seed) for shape, seed in chosen), 1)
         print_row(camera, views, *cells)
     return 0
 

@@ -47,7 +47,7 @@ MIN_SCENES = 5  # of a place of a curve
 def judge_seed(seed: int, noise: str, relative: tuple[float, float]) -> dict[str, Any]:
     """Reconstruct the scene of a seed, and compare the answer with the truth."""
     synthetic, record = draw_scene(seed, noise, relative)
-    found, _ = judge_scene(synthetic, tell_radius=True, tell_ropes=False)
+    found, _ = judge_scene(synthetic, give_radius=True, give_ropes=False)
     record |= {"right": found.right, "confidence": found.confidence, "found": found.found}
     record |= {"error": found.error} if found.error else {"rms": found.rms, "frechet": found.frechet}
     return {**record, "seconds": found.seconds, "asked": [noise, *relative]}

@@ -1,14 +1,17 @@
-"""How time and memory grow with the points: every kernel on every layout of points.
+"""Measure how time and memory grow with the points: every kernel on every layout of points.
 
 python benches/layouts.py [--kernels TEXT ...] [--layouts TEXT ...] [--most N] [--limit SECONDS] [--memory GB]
 
-Each kernel runs on 10^4, 10^5 and 10^6 points of each layout on one thread, in a process of its own with
-limited memory and time. Times are the processor's, so they do not depend on what else runs. The first table
-has their exponents, log(t2 / t1) / log(n2 / n1), between the fewest and the most points: 1 is linear, 2
-quadratic. Times below a millisecond count as one. The second has the seconds for the most points, the third
-what memory grew by for each of them, bytes. Lengths are chosen as a user would: a radius is twice the
-distance between neighbouring points where they lie loosely, so the layouts differ in how they pile up beside
-that. It ends with 1 if an exponent is above 1.2 or a run did not end.
+Each kernel runs on 10^4, 10^5 and 10^6 points of each layout, on one thread, in a process of its own with
+limited memory and time. Times are processor time. There are three tables:
+
+- exponents of time, log(t2 / t1) / log(n2 / n1), from the fewest to the most points: 1 is linear, 2
+  quadratic. Times below a millisecond count as one;
+- seconds for the most points;
+- growth of memory for each of them, bytes.
+
+A radius is twice the distance between neighbouring points where they lie loosely, as a user would choose it.
+The exit code is 1 if an exponent is above 1.2 or a run did not end.
 """
 
 from __future__ import annotations
@@ -31,24 +34,26 @@ from lib.tables import print_head, print_row
 Array = NDArray[np.float64]
 Layout = Callable[[np.random.Generator, int], tuple[Array, float]]
 
-MOST_EXPONENT = 1.2
-LEAST_TIME = 1e-3  # seconds
+MAX_EXPONENT = 1.2
+MIN_TIME = 1e-3  # seconds: shorter times count as this
 REPEAT_BELOW = 0.3  # seconds: shorter runs are repeated
-RUNS = 5
-ENDED_LATE = "no answer"
+RUNS = 5  # most repetitions
+NO_ANSWER = "no answer"
+MAX_CURVE_NODES = 20_000  # points from which the curve of `fit_tubes` is made
 
 
 def fill_volume(rng: np.random.Generator, count: int) -> tuple[Array, float]:
+    """Return points of a cube, and the distance between neighbours, as all layouts do."""
     return rng.random((count, 3)), count ** (-1 / 3)
 
 
 def fill_rope(rng: np.random.Generator, count: int) -> tuple[Array, float]:
-    """A wavy tube 10 mm wide, seen from above: so long that its points are about a millimetre apart."""
+    """Fill a wavy tube 10 mm wide, seen from above: so long that points are a millimetre apart."""
     radius, spacing = 5e-3, 1e-3
     length = count * spacing**2 / (math.pi * radius)
     s = rng.random(count) * length
     turn = math.pi * rng.random(count)
-    # to and fro, as long ropes lie
+    # the tube runs back and forth
     lane, along = np.divmod(s, 2.0)
     lateral = 0.05 * lane + 0.01 * np.sin(7.0 * along)
     points = np.column_stack([along, lateral + radius * np.cos(turn), radius * np.sin(turn)])
@@ -102,14 +107,14 @@ def fill_dense_cluster(rng: np.random.Generator, count: int) -> tuple[Array, flo
 
 
 def fill_power_law(rng: np.random.Generator, count: int) -> tuple[Array, float]:
-    """As dense as one over the squared distance from the middle: as a scanner sees what is around."""
+    """Fill a ball with a density of one over the squared radius, as a scanner sees its surroundings."""
     way = rng.normal(size=(count, 3))
     way /= np.linalg.norm(way, axis=1, keepdims=True)
     return way * rng.random((count, 1)), count ** (-1 / 3)
 
 
 def fill_lattice(rng: np.random.Generator, count: int) -> tuple[Array, float]:
-    """Whole numbers, eight points on each, and distances that are just a radius."""
+    """Return whole numbers, eight points on each: many distances equal a radius."""
     side = max(2, round((count / 8) ** (1 / 3)))
     return rng.integers(0, side, (count, 3)).astype(float), 1.0
 
@@ -138,7 +143,7 @@ def make_normals(points: Array) -> Array:
 
 
 def place_camera(points: Array) -> Array:
-    """A place above the middle of the points."""
+    """Return a place above the middle of the points."""
     return np.asarray(np.median(points, axis=0) + np.array([0.0, 0.0, 2.0]))
 
 
@@ -147,8 +152,8 @@ def displace(points: Array, spacing: float) -> Array:
 
 
 def fit_curve(points: Array, spacing: float) -> strand.TubeFit:
-    """Fit a curve through every twenty-thousandth of the points."""
-    nodes = points[:: max(1, len(points) // 20_000)]
+    """Fit a curve through some of the points."""
+    nodes = points[:: max(1, len(points) // MAX_CURVE_NODES)]
     order = np.lexsort(nodes.T)
     curve = nodes[order][:200] + spacing * np.arange(min(200, len(nodes)))[:, None] * [0.0, 0.0, 1e-3]
     return strand.fit_tubes(
@@ -183,7 +188,7 @@ def estimate_radius(points: Array) -> Array:
     try:
         return strand.estimate_radius([strand.View.from_world(points, place_camera(points))])
     except strand.StrandError:
-        # an answer as well: no stretch of rope
+        # an answer too: no stretch of rope
         return np.zeros(0)
 
 
@@ -209,7 +214,7 @@ KERNELS: dict[str, Callable[[Array, float], object]] = {
 
 
 def measure_here(kernel: str, layout: str, counts: list[int], seconds: float, memory: float) -> None:
-    """Print seconds and growth of the peak of memory, bytes, for each number of points."""
+    """Print the seconds and the growth of peak memory, bytes, for each number of points."""
     if memory > 0.0:
         limit = int(memory * 2**30)
         resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
@@ -229,10 +234,10 @@ def measure_here(kernel: str, layout: str, counts: list[int], seconds: float, me
         print(min(times), grown, flush=True)
 
 
-def measure_apart(
+def measure_in_process(
     kernel: str, layout: str, counts: list[int], limit: float, memory: float
 ) -> list[list[float]]:
-    """Measure in another process: what it had printed when it ended or its time was over."""
+    """Measure in another process. Return the numbers that it printed before its end or the limit."""
     options = ["--most", str(counts[-1]), "--limit", str(limit), "--memory", str(memory)]
     done = subprocess.run(
         [sys.executable, __file__, "--measure", kernel, layout, *options],
@@ -246,13 +251,15 @@ def measure_apart(
 
 
 def fit_exponent(counts: list[int], times: list[float]) -> float:
+    """Return the exponent from the fewest to the most points, infinite if a run did not end."""
     if len(times) < len(counts):
         return math.inf
-    times = [max(seconds, LEAST_TIME) for seconds in times]
+    times = [max(seconds, MIN_TIME) for seconds in times]
     return math.log(times[-1] / times[0]) / math.log(counts[-1] / counts[0])
 
 
 def choose_names(names: dict[str, object], texts: list[str] | None) -> list[str]:
+    """Return the names that hold one of some texts."""
     return [name for name in names if texts is None or any(text in name for text in texts)]
 
 
@@ -274,7 +281,7 @@ def main() -> int:
     worst = []
     for kernel in kernels:
         for layout in layouts:
-            numbers = measure_apart(kernel, layout, counts, arguments.limit, arguments.memory)
+            numbers = measure_in_process(kernel, layout, counts, arguments.limit, arguments.memory)
             found[kernel, layout] = numbers
             times = " ".join(f"{seconds:.4f}" for seconds, _ in numbers)
             slope = fit_exponent(counts, [seconds for seconds, _ in numbers])
@@ -291,14 +298,14 @@ def main() -> int:
         print_head(title, *kernels)
         for layout in layouts:
             cells = [
-                cell(found[kernel, layout]) if len(found[kernel, layout]) == len(counts) else ENDED_LATE
+                cell(found[kernel, layout]) if len(found[kernel, layout]) == len(counts) else NO_ANSWER
                 for kernel in kernels
             ]
             print_row(layout, *cells)
         print()
     slope, kernel, layout = max(worst)
     print(f"worst exponent: {slope:.2f}, {kernel} on {layout}; all answered: {math.isfinite(slope)}")
-    return int(slope > MOST_EXPONENT)
+    return int(slope > MAX_EXPONENT)
 
 
 if __name__ == "__main__":

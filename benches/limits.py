@@ -1,16 +1,16 @@
-"""How far from the limit: scenes' Cramér-Rao bounds beside the reconstructions' errors and covariances.
+"""Compare reconstructions' errors and covariances with the Cramér-Rao bound of their scenes.
 
 python benches/limits.py [DIR] [--only TEXT]
 
-Without DIR the scenes are those of benches/lib/collection.py. The bound is that of any unbiased estimate of
-the centreline from the pixels that see it, given the radius and the depths' noise, with control points as far
-apart as the reconstruction's and with poses that are unknown but for the prior of `Config.poses`. It knows
-which pixel sees which place of which rope; it has no smoothness prior, so the reconstruction may be better
-where pixels are few. Pixels seen under a cosine of incidence below 0.1 are left out.
+Without DIR the scenes are those of benches/lib/collection.py. The bound holds for any unbiased estimate of
+the centreline from the pixels that see it. It assumes the true radius and noise, control points as far apart
+as the reconstruction's, and unknown poses with the prior of `Config.poses`. It knows which pixel sees which
+place of which rope. It has no smoothness prior, so the reconstruction may be better where pixels are few.
+Pixels whose angle of incidence has a cosine below 0.1 are skipped.
 
-Errors and standard deviations count the two directions across the rope: root mean squares over the nodes of
-their length. The normalised squared error e' C^-1 e / 2 is near 1 where the covariances tell the truth. Only
-scenes whose topology is right are counted.
+Errors and standard deviations are root mean squares of the two directions across the rope, over all nodes.
+The normalised squared error e' C^-1 e / 2 is near 1 where covariances match. Only scenes with the right
+topology count.
 """
 
 from __future__ import annotations
@@ -27,81 +27,31 @@ from scipy.spatial import cKDTree
 
 import strand
 from lib import collection
+from lib.calibration import STEP, Array, Truth, compute_calibration
 from lib.measure import measure_chains
 from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
 from strand.synthetic import SyntheticScene, render_depth
 
-Array = NDArray[np.float64]
-
-STEP = 1e-4  # metres between the places of the true curves that pixels are matched with
-LEAST_COSINE = 0.1
-OUTLIER = 5.0  # standard deviations of the depth: pixels farther off fly or see something else
-RIDGE = 10.0  # radii: standard deviation of a control point that nothing sees
-DIGITS = (3, 3, 2, 3, 2)  # of the last columns
-
-
-@dataclass(frozen=True, eq=False)
-class Truth:
-    """True centrelines, densely.
-
-    Attributes
-    ----------
-    points, tangents : (M, 3) ndarray
-        Metres; unit vectors.
-    frames : (M, 2, 3) ndarray
-        Two unit vectors across each tangent.
-    rope : (M,) ndarray of int64
-        Which rope each place is of.
-    along : (M,) ndarray
-        Arc length over the rope's length.
-    lengths : list of float
-        Metres.
-    """
-
-    points: Array
-    tangents: Array
-    frames: Array
-    rope: NDArray[np.int64]
-    along: Array
-    lengths: list[float]
-
-    @classmethod
-    def of(cls, ropes: tuple[Array, ...], radius: float) -> Truth:
-        """Sample ropes."""
-        points, tangents, along, lengths = [], [], [], []
-        for nodes in ropes:
-            chain = strand.Chain(nodes, radius)
-            s = np.linspace(0.0, chain.length, round(chain.length / STEP) + 1)
-            places = chain.at(s)
-            slope = np.gradient(places, axis=0)
-            points.append(places)
-            tangents.append(slope / np.linalg.norm(slope, axis=1, keepdims=True))
-            along.append(s / chain.length)
-            lengths.append(chain.length)
-        tangent = np.concatenate(tangents)
-        return cls(
-            np.concatenate(points),
-            tangent,
-            make_frames(tangent),
-            np.repeat(np.arange(len(points)), [len(places) for places in points]),
-            np.concatenate(along),
-            lengths,
-        )
+MIN_COSINE = 0.1  # of the angle of incidence
+MAX_ERROR = 5.0  # standard deviations of the depth: farther pixels fly or see something else
+RIDGE = 10.0  # radii: standard deviation of an unseen control point
+DIGITS = (3, 3, 2, 3, 2)  # after the point, in the last columns
+THINNING = 1e-3  # metres between places at which the bound is compared
 
 
 @dataclass(frozen=True, eq=False)
 class Pixels:
-    """What the pixels of all views see of the true ropes.
+    """Places of the true ropes that the pixels of all views see.
 
     Attributes
     ----------
     surface, normal : (N, 3) ndarray
-        Where their rays meet the surface, metres, and the outward unit normal there.
+        The places on the surface, metres, and the outward unit normals there.
     precision : (N,) ndarray
-        Inverse standard deviation of the distance from the surface that they tell of, 1/m.
+        Inverse standard deviation of the distance from the surface, 1/m.
     view, place : (N,) ndarray of int64
-        Which view they are of, and which place of the truth they see.
+        The view of each pixel, and its place of the truth.
     """
 
     surface: Array
@@ -111,23 +61,15 @@ class Pixels:
     place: NDArray[np.int64]
 
 
-def make_frames(tangents: Array) -> Array:
-    """(M, 2, 3) Two unit vectors at right angles to each tangent and to each other."""
-    least = np.eye(3)[np.abs(tangents).argmin(axis=1)]
-    first = np.cross(tangents, least)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(tangents, first)], axis=1)
-
-
 def find_seen_pixels(scene: SyntheticScene, truth: Truth) -> Pixels:
-    """Cast the rays of all pixels that took part, from the true poses, to the true ropes."""
+    """Cast the rays of all used pixels from the true poses to the true ropes."""
     camera, (low, high) = scene.intrinsics, scene.bounds
     tree = cKDTree(truth.points)
     rows: list[tuple[Array, ...]] = []
     views = zip(scene.depth * scene.depth_scale, scene.poses, scene.poses_true, strict=True)
     for number, (image, pose, pose_true) in enumerate(views):
         exact = render_depth(scene.truth, scene.radius, camera, pose_true, image.shape[::-1], table=False)
-        v, u = np.nonzero((exact > 0) & (image > 0) & (np.abs(image - exact) < OUTLIER * scene.noise))
+        v, u = np.nonzero((exact > 0) & (image > 0) & (np.abs(image - exact) < MAX_ERROR * scene.noise))
         ray = np.stack(
             [(u - camera[0, 2]) / camera[0, 0], (v - camera[1, 2]) / camera[1, 1], np.ones(len(u))], axis=1
         )
@@ -138,7 +80,7 @@ def find_seen_pixels(scene: SyntheticScene, truth: Truth) -> Pixels:
         normal = (surface - truth.points[place]) / distance[:, None]
         cosine = -(normal * (ray @ pose_true[:3, :3].T)).sum(axis=1) / slant
         beside = np.abs((normal * truth.tangents[place]).sum(axis=1)) < 0.1  # not on the flat ends
-        kept = ((extracted >= low) & (extracted <= high)).all(axis=1) & beside & (cosine > LEAST_COSINE)
+        kept = ((extracted >= low) & (extracted <= high)).all(axis=1) & beside & (cosine > MIN_COSINE)
         # noise along the optical axis, on the ray, and from there at right angles to the surface
         precision = 1.0 / (scene.noise * slant * cosine)
         rows.append((surface[kept], normal[kept], precision[kept], np.full(kept.sum(), number), place[kept]))
@@ -147,7 +89,7 @@ def find_seen_pixels(scene: SyntheticScene, truth: Truth) -> Pixels:
 
 
 def compute_bound(pixels: Pixels, truth: Truth, views: int, radius: float, config: strand.Config) -> Array:
-    """(M,) Least standard deviation across the rope of unbiased estimates of the places of the truth.
+    """Return (M,) the least standard deviation across the rope of unbiased estimates, metres.
 
     The unknowns are two for each control point, across the rope, and six for each view but the middle one.
     """
@@ -187,37 +129,19 @@ def compute_bound(pixels: Pixels, truth: Truth, views: int, radius: float, confi
     prior = np.concatenate([np.full(unknowns, (RIDGE * radius) ** -2), np.tile(pose_sd**-2, views - 1)])
     covariance = np.linalg.inv(slopes.T @ slopes + np.diag(prior))[:unknowns, :unknowns]
 
-    thinned = np.flatnonzero(np.arange(len(truth.points)) % round(1e-3 / STEP) == 0)
+    thinned = np.flatnonzero(np.arange(len(truth.points)) % round(THINNING / STEP) == 0)
     place = np.einsum("mc,cdj,mej->mecd", weights[thinned], control_frames, truth.frames[thinned])
     place = place.reshape(len(thinned), 2, unknowns)
     return np.asarray(np.sqrt(np.einsum("meu,uw,mew->m", place, covariance, place, optimize=True)))
 
 
-def compute_calibration(chains: tuple[strand.Chain, ...], truth: Truth) -> tuple[float, float]:
-    """Root mean square of the reported standard deviation, metres, and normalised squared error."""
-    tree = cKDTree(truth.points)
-    variances, squares = [], []
-    for chain in chains:
-        if chain.covariance is None:
-            continue
-        _, place = tree.query(chain.points)
-        error = chain.points - truth.points[place]
-        frame = truth.frames[place]
-        covariance = np.einsum("mai,mij,mbj->mab", frame, chain.covariance, frame)
-        error = np.einsum("mai,mi->ma", frame, error)
-        inside = (truth.along[place] > 0.0) & (truth.along[place] < 1.0)
-        variances.append(np.trace(covariance, axis1=1, axis2=2)[inside])
-        solved = np.linalg.solve(covariance, error[..., None])[..., 0]
-        squares.append(((error * solved).sum(axis=1) / 2)[inside])
-    return float(np.sqrt(np.concatenate(variances).mean())), float(np.concatenate(squares).mean())
-
-
 def compute_rms(values: Array) -> float:
+    """Return the root mean square."""
     return float(np.sqrt((values**2).mean()))
 
 
 def format_values(values: Sequence[float]) -> list[str]:
-    """The last columns of a row."""
+    """Return the last cells of a row."""
     return [f"{value:.{digits}f}" for value, digits in zip(values, DIGITS, strict=True)]
 
 

@@ -2,11 +2,11 @@
 
 python benches/masked.py [--runs N] [--only TEXT]
 
-The scenes are shapes and random ropes in turn through each of `strand.synthetic.CAMERAS`: in one view of 640
-x 480 pixels, in one of 1280 x 720, and in three of 640 x 480. The radius and the number of ropes are told.
-The time of a scene is the median of its runs, from the images and masks to the model; the table has the
-median, the least and the most of the scenes, and each stage's median. "views" is the making of the views,
-"rest" what belongs to no stage.
+The scenes are shapes and random ropes, through the cameras of `strand.synthetic.CAMERAS` in turn: in one view
+of 640 x 480 pixels, in one of 1280 x 720, and in three of 640 x 480. The radius and the number of ropes are
+given. A scene's time is the median of its runs, from the images and masks to the model. The table has the
+median, least and greatest time of the scenes, and each stage's median. "views" makes the views, "rest" is all
+time outside of stages.
 """
 
 from __future__ import annotations
@@ -24,14 +24,17 @@ from lib.tables import print_head, print_row
 from strand.synthetic import CAMERAS, Camera, Layout, Noise, Segmentation, SyntheticScene, random_ropes, scene
 from strand.synthetic.camera import FOCAL_LENGTH
 
-SMALL, LARGE = (640, 480), (1280, 720)
+SMALL = (640, 480)  # pixels
+LARGE = (1280, 720)  # pixels
+# title, views, size
 FIGURES = (("one 640 x 480", 1, SMALL), ("one 1280 x 720", 1, LARGE), ("three 640 x 480", 3, SMALL))
 RANDOM = (1, 3, 5)  # crossings of the random ropes
-RADIUS, PIXELS = 4.5e-3, 4.5  # of the ropes: metres, and pixels of an image 640 wide
+RADIUS = 4.5e-3  # metres: the ropes'
+PIXELS = 4.5  # the ropes' radius in an image 640 wide
 
 
 def draw_scenes(views: int, size: tuple[int, int], only: str = "") -> Iterator[SyntheticScene]:
-    """Yield the seeded scenes."""
+    """Yield the scenes whose name holds a text."""
     for seed, what in enumerate((*SHAPES, *RANDOM)):
         name = what if isinstance(what, str) else f"random{what}"
         if only in name:
@@ -51,7 +54,7 @@ def draw_scenes(views: int, size: tuple[int, int], only: str = "") -> Iterator[S
 
 
 def time_stages(synthetic: SyntheticScene) -> dict[str, float]:
-    """Seconds of each stage of one run."""
+    """Reconstruct once, and return the seconds of each stage."""
     depths, masks = synthetic.depth * synthetic.depth_scale, synthetic.mask
     assert masks is not None
     start = time.perf_counter()
@@ -71,7 +74,7 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=7, metavar="N", help="of each scene (default: 7)")
     parser.add_argument("--only", metavar="TEXT", default="", help="scenes whose name holds this text")
     arguments = parser.parse_args()
-    print_head("views", "scenes", "median", "least", "most", "stages")
+    print_head("views", "scenes", "median", "least", "greatest", "stages")
     for name, views, size in FIGURES:
         totals: list[float] = []
         scenes: list[dict[str, float]] = []

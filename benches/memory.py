@@ -1,11 +1,11 @@
-"""Reconstruct and filter again and again: processor time, page faults and resident memory, in a table.
+"""Reconstruct and filter many times, and print processor time, page faults and resident memory.
 
 python benches/memory.py [--calls N]
 
-It tells allocators from each other: what they give back and fetch again is in the page faults and the
-system's time, what they keep is in the memory. Small scenes are of 160 x 120 pixels; the cloud has 2,000,000
-points. Memory is what the process has after the calls, and the most that it had during them; that of Python
-and NumPy is in it.
+The table tells allocators apart. Memory that goes back to the system and returns shows in page faults and the
+system's time, memory that stays shows in the resident size. Small scenes have 160 x 120 pixels, the cloud has
+2,000,000 points. The resident size is that after the calls, and the greatest during them. It includes Python
+and NumPy.
 """
 
 from __future__ import annotations
@@ -23,19 +23,20 @@ from lib.tables import print_head, print_row
 from strand.synthetic import SHAPES, Camera, scene
 
 STATUS = Path("/proc/self/status")
-PEAK = Path("/proc/self/clear_refs"), "5"  # forgets the most that was resident
+CLEAR = Path("/proc/self/clear_refs")
+FORGET_PEAK = "5"  # written there: the peak of the resident size starts anew
 
 
 def read_megabytes(what: str) -> float:
-    """A line of what the system says of this process."""
+    """Return a size of this process from the system, MB."""
     lines = dict(line.split(":", 1) for line in STATUS.read_text().splitlines())
     return float(lines[what].split()[0]) / 1e3
 
 
 def measure_calls(call: Callable[[int], object], calls: int) -> list[str]:
-    """Call after a first time; what a call took of the processor, faults of a call, and memory."""
+    """Call once, then often. Return the processor time and page faults of a call, and memory."""
     call(0)
-    PEAK[0].write_text(PEAK[1])
+    CLEAR.write_text(FORGET_PEAK)
     before = resource.getrusage(resource.RUSAGE_SELF)
     for number in range(calls):
         call(number)
@@ -69,7 +70,7 @@ def main() -> int:
         "normals of the cloud": (lambda _: strand.estimate_normals(cloud, k=16), max(calls // 100, 1)),
         "small scenes again": (reconstruct, max(calls // 5, 1)),
     }
-    print_head("work", "calls", "user, ms", "system, ms", "page faults", "resident, MB", "most, MB")
+    print_head("work", "calls", "user, ms", "system, ms", "page faults", "resident, MB", "greatest, MB")
     for name, (call, times) in work.items():
         print_row(name, times, *measure_calls(call, times))
     return 0

@@ -1,12 +1,12 @@
-"""Make the mistakes that users make when they hand over views, and say what strand answers.
+"""Make the mistakes that users make with views, and print strand's answers.
 
 python benches/mistakes.py [--scenes N] [--first SEED] [--only TEXT] [--all]
 
-Each mistake is made in scenes of three kinds: a rope with bounds, seen by seven cameras and by one, and a
-rope among other things seen by three, with nothing told but the radius. An answer is wrong if it is more than
-1.5 radii off the true rope in the true world frame. The table has how many answers there are, how many are
-wrong, the greatest confidence of these, and what is said of that one: its greatest doubt, or the error where
-there is no wrong answer. Mistakes that no data can show are marked, and do not count.
+Each mistake is made in three kinds of scenes: a rope with bounds, seen by seven cameras or by one, and a rope
+among other things, seen by three cameras, where only the radius is given. An answer is wrong if it is more
+than 1.5 radii off the true rope in the true world frame. The table has the number of answers and of wrong
+answers, and the greatest confidence of a wrong one. The last column is the greatest doubt of that answer, or
+the error where no answer is wrong. Mistakes that no data can show are marked, and do not count.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ from strand.synthetic import SyntheticScene, cluttered_scene, scene
 
 Array = NDArray[np.float64]
 
-SURE = 0.5
+MAX_CONFIDENCE = 0.5  # of wrong answers
+HAND_EYE = (0.006, 0.008, 0.0)  # metres: error of a camera's place
 KINDS = ("seven", "one", "things")
 
 
 @dataclass(frozen=True)
 class Given:
-    """What a user hands over.
+    """Input of a caller.
 
     Attributes
     ----------
@@ -44,8 +45,8 @@ class Given:
     radius : float
         Metres.
     bounds : pair of (3,) ndarray or None
-    made : callable
-        Makes a view of a depth image, the intrinsics and a pose.
+    make_view : callable
+        Makes a view from a depth image, the intrinsics and a pose.
     """
 
     depth: Array
@@ -53,23 +54,25 @@ class Given:
     poses: Array
     radius: float
     bounds: tuple[Array, Array] | None
-    made: Callable[[Array, Array, Array], strand.View] = strand.View.from_depth
+    make_view: Callable[[Array, Array, Array], strand.View] = strand.View.from_depth
 
-    def views(self) -> list[strand.View]:
+    def make_views(self) -> list[strand.View]:
+        """Return all views."""
         return [
-            self.made(depth, self.intrinsics, pose)
+            self.make_view(depth, self.intrinsics, pose)
             for depth, pose in zip(self.depth, self.poses, strict=True)
         ]
 
 
 def scale_translations(given: Given) -> Given:
+    """Give the poses' places in millimetres."""
     poses = given.poses.copy()
     poses[:, :3, 3] *= 1e3
     return replace(given, poses=poses)
 
 
 def turn_by_degrees(given: Given) -> Given:
-    """Turns made of angles in degrees that are taken for radians."""
+    """Make the poses' rotations from angles in degrees, taken as radians."""
     poses = given.poses.copy()
     for pose in poses:
         angle = np.arccos(np.clip(0.5 * (np.trace(pose[:3, :3]) - 1.0), -1.0, 1.0))
@@ -80,12 +83,13 @@ def turn_by_degrees(given: Given) -> Given:
 
 
 def make_rotation(axis: Array, angle: float) -> Array:
-    """(3, 3) Rotation about a unit axis, radians."""
+    """Return (3, 3) a rotation about a unit axis by radians."""
     skew = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
     return np.asarray(np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * (skew @ skew))
 
 
 def measure_along_rays(given: Given) -> Given:
+    """Measure depth along the rays instead of the optical axis."""
     height, width = given.depth.shape[1:]
     v, u = np.mgrid[:height, :width]
     K = given.intrinsics
@@ -94,32 +98,35 @@ def measure_along_rays(given: Given) -> Given:
 
 
 def resize(scale: float) -> Callable[[Given], Given]:
-    """Intrinsics of an image that is so many times as large."""
+    """Return a mistake: intrinsics of an image that is larger by a factor."""
     return lambda given: replace(given, intrinsics=given.intrinsics * [[scale], [scale], [1.0]])
 
 
 def add_hand_eye_error(given: Given) -> Given:
-    """The camera sits a centimetre and a degree from where the arm's calibration says."""
-    error = strand.pose_from_angles(np.radians(1.0), 0.0, 0.0, [0.006, 0.008, 0.0])
+    """Put each camera a centimetre and a degree off its place on the arm."""
+    error = strand.pose_from_angles(np.radians(1.0), 0.0, 0.0, HAND_EYE)
     return replace(given, poses=given.poses @ error)
 
 
 def move_last_camera(given: Given) -> Given:
-    """The last view's camera stood a centimetre beside where it is said to have stood."""
+    """Put the last view's camera a centimetre beside its pose."""
     poses = given.poses.copy()
-    poses[-1, :3, 3] += [0.006, 0.008, 0.0]
+    poses[-1, :3, 3] += HAND_EYE
     return replace(given, poses=poses)
 
 
 def give_world_points(depth: Array, intrinsics: Array, pose: Array) -> strand.View:
+    """Give points in the world frame as points in the camera frame."""
     return strand.View(strand.View.from_depth(depth, intrinsics, pose).world_points, pose)
 
 
 def give_world_points_alone(depth: Array, intrinsics: Array, pose: Array) -> strand.View:
+    """Give points in the world frame without a pose."""
     return strand.View(strand.View.from_depth(depth, intrinsics, pose).world_points)
 
 
 def give_inner_viewpoint(depth: Array, intrinsics: Array, pose: Array) -> strand.View:
+    """Give a viewpoint in the middle of the points."""
     points = strand.View.from_depth(depth, intrinsics, pose).world_points
     return strand.View.from_world(points, points.mean(axis=0))
 
@@ -137,16 +144,16 @@ MISTAKES: dict[str, Callable[[Given], Given]] = {
     "depth transposed": lambda g: replace(g, depth=g.depth.transpose(0, 2, 1)),
     "intrinsics of twice the size": resize(2.0),
     "intrinsics of half the size": resize(0.5),
-    "world points in View(points, pose)": lambda g: replace(g, made=give_world_points),
-    "world points in View(points)": lambda g: replace(g, made=give_world_points_alone),
-    "the camera inside the cloud": lambda g: replace(g, made=give_inner_viewpoint),
+    "world points in View(points, pose)": lambda g: replace(g, make_view=give_world_points),
+    "world points in View(points)": lambda g: replace(g, make_view=give_world_points_alone),
+    "the camera inside the cloud": lambda g: replace(g, make_view=give_inner_viewpoint),
     "the diameter as the radius": lambda g: replace(g, radius=2.0 * g.radius),
     "the radius halved": lambda g: replace(g, radius=0.5 * g.radius),
     "hand-eye error of 10 mm": add_hand_eye_error,
     "one camera 10 mm aside": move_last_camera,
 }
 
-# what no data can show: nothing that one view sees contradicts it
+# mistakes that one view cannot contradict
 SILENT = {
     ("depth mirrored", "one"),
     ("hand-eye error of 10 mm", "one"),
@@ -155,6 +162,7 @@ SILENT = {
 
 
 def list_scenes(first: int, count: int) -> Iterator[tuple[str, SyntheticScene, bool]]:
+    """Yield kinds, scenes, and whether bounds are given."""
     names = [name for name in SHAPES if name != "coil"]
     for k in range(first, first + count):
         yield "seven", scene(names[k % len(names)], seed=k, views=7), True
@@ -164,26 +172,26 @@ def list_scenes(first: int, count: int) -> Iterator[tuple[str, SyntheticScene, b
 
 @dataclass(frozen=True)
 class Answer:
-    """What is answered: right, and how sure; or why not. What is said is the greatest doubt, or the error."""
+    """An answer: whether it is right, its confidence, and its greatest doubt."""
 
     right: bool
     confidence: float
-    said: str
+    doubt: str
 
 
 def reconstruct(given: Given, synthetic: SyntheticScene) -> Answer | str:
     """Return the answer, or the error."""
     try:
-        model = strand.reconstruct(given.views(), given.radius, given.bounds)
+        model = strand.reconstruct(given.make_views(), given.radius, given.bounds)
     except (strand.StrandError, ValueError) as error:
         return f"{type(error).__name__}: {error}"
     chains = [chain.points for chain in model.chains]
-    # among other things the longest chain is to be the rope
+    # among other things the longest chain must be the rope
     right = any(
         measure_chains(some, synthetic.truth, synthetic.radius).right for some in (chains, chains[:1])
     )
-    said = f"{model.doubts[0].kind}: {model.doubts[0].reason}" if model.doubts else ""
-    return Answer(right, max(chain.confidence for chain in model.chains), said)
+    doubt = f"{model.doubts[0].kind}: {model.doubts[0].reason}" if model.doubts else ""
+    return Answer(right, max(chain.confidence for chain in model.chains), doubt)
 
 
 def main() -> int:
@@ -191,10 +199,10 @@ def main() -> int:
     parser.add_argument("--scenes", type=int, default=6, metavar="N", help="of each kind (default: 6)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
     parser.add_argument("--only", metavar="TEXT", default="", help="mistakes with TEXT in their name")
-    parser.add_argument("--all", action="store_true", help="say what each answer says, too")
+    parser.add_argument("--all", action="store_true", help="print each answer too")
     arguments = parser.parse_args()
     scenes = list(list_scenes(arguments.first, arguments.scenes))
-    print_head("mistake", "views", "answers", "wrong", "greatest confidence when wrong", "what is said")
+    print_head("mistake", "views", "answers", "wrong", "greatest confidence when wrong", "doubt or error")
     worst = 0.0
     for mistake, make in MISTAKES.items():
         if arguments.only not in mistake:
@@ -202,8 +210,8 @@ def main() -> int:
         for kind in KINDS:
             answers: list[Answer] = []
             errors: list[str] = []
-            for victim, synthetic, bounded in scenes:
-                if victim != kind:
+            for of_kind, synthetic, bounded in scenes:
+                if of_kind != kind:
                     continue
                 depth = synthetic.depth * synthetic.depth_scale
                 bounds = synthetic.bounds if bounded else None
@@ -220,10 +228,10 @@ def main() -> int:
             if wrong and not silent:
                 worst = max(worst, wrong[0].confidence)
             sure = f"{wrong[0].confidence:.2f}{' (no witness)' if silent else ''}" if wrong else ""
-            said = wrong[0].said if wrong else (errors or [""])[0]
-            print_row(mistake, kind, len(answers), len(wrong), sure, said)
+            reason = wrong[0].doubt if wrong else (errors or [""])[0]
+            print_row(mistake, kind, len(answers), len(wrong), sure, reason)
     print(f"\ngreatest confidence of a wrong answer that data could contradict: {worst:.2f}")
-    return int(worst >= SURE)
+    return int(worst >= MAX_CONFIDENCE)
 
 
 if __name__ == "__main__":

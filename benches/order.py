@@ -1,12 +1,12 @@
-"""Reconstruct scenes and say of how many crossings the order is right, beside how sure the model says it is.
+"""Reconstruct scenes, and compare the order at crossings with the probability that the model reports.
 
 python benches/order.py [--scenes N] [--first SEED] [--noise KIND] [--relative LOW HIGH] [--out DIR]
 python benches/order.py --collection [DIR] [--only TEXT]
 
-Fresh scenes are those that benches/fresh.py draws from the same seeds. A crossing of a model is compared with
-the true one that joins the same strands in the plan. It is wrong if the other strand is on top there, and if
-there is no such crossing. `--out` gets order.jsonl, one line for each scene, and order.png; scenes that have
-their line there are not done again.
+Random scenes are those of benches/fresh.py with the same seeds. The bench compares a crossing of a model with
+the true crossing of the same strands in the plan. A crossing is wrong if the other strand is on top there, or
+if there is no such crossing. `--out` gets order.jsonl, one line for each scene, and order.png. The bench
+skips scenes that have their line.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from strand.synthetic import SyntheticScene
 
 Array = NDArray[np.float64]
 
-NEAR = 4.0  # radii in the plan: a crossing found this near to a true one may be that one
-BESIDE = np.linspace(-8.0, 8.0, 17)  # radii along a strand: places by which it is known
-SAME = 1.5  # radii in the plan: how far these may be from the true strand, in the mean
+MAX_DISTANCE = 4.0  # radii in the plan, from a crossing to its true one
+BESIDE = np.linspace(-8.0, 8.0, 17)  # radii along a strand: places that identify it
+MAX_OFFSET = 1.5  # radii in the plan: mean distance of these places from the true strand
 FAR = 1e3  # radii: not the same crossing
-SAID = (0.0, 0.25, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 1.0001)  # steps of the probability
-NOISES = (0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.6)  # radii, steps of the noise
+PROBABILITIES = (0.0, 0.25, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 1.0001)  # steps of the table
+NOISES = (0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.6)  # radii: steps of the table
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,11 @@ class Found:
     Attributes
     ----------
     probability : float
-        That its order is right, as the model says.
+        The model's probability that the order is right.
     true : int or None
-        Which of the true crossings it is; None if none of them.
+        The number of its true crossing; None if there is none.
     right : bool
-        Whether there is one, and the same strand is on top.
+        Whether it has a true crossing with the same strand on top.
     """
 
     probability: float
@@ -74,10 +74,9 @@ def compare_crossings(
     truth: Sequence[Array],
     radius: float,
 ) -> list[Found]:
-    """Say of each crossing that was found whether it is a true one, and its order right.
+    """Return for each crossing whether it is a true one, and whether its order is right.
 
-    Strands are told by where they run in the plan, as far as 8 radii from the crossing, so that their heights
-    play no part.
+    Places in the plan, up to 8 radii from the crossing, identify a strand. Heights play no part.
 
     Parameters
     ----------
@@ -95,12 +94,12 @@ def compare_crossings(
     for i, crossing in enumerate(crossings):
         upper, lower = (_places_beside(chains, at, radius) for at in (crossing.over, crossing.under))
         for k, other in enumerate(true):
-            if np.linalg.norm((other.place - crossing.place)[:2]) > NEAR * radius:
+            if np.linalg.norm((other.place - crossing.place)[:2]) > MAX_DISTANCE * radius:
                 continue
             over, under = (_places_beside(ropes.chains, at, radius, 4) for at in (other.over, other.under))
             same = max(_mean_distance(upper, over), _mean_distance(lower, under))
             turned = max(_mean_distance(upper, under), _mean_distance(lower, over))
-            if min(same, turned) <= SAME * radius:
+            if min(same, turned) <= MAX_OFFSET * radius:
                 away[i, k], right[i, k] = min(same, turned) / radius, same < turned
     found = [Found(crossing.probability, None, False) for crossing in crossings]
     # no true crossing is found twice
@@ -113,14 +112,14 @@ def compare_crossings(
 def _places_beside(
     chains: Sequence[strand.Chain], at: tuple[int, float], radius: float, finer: int = 1
 ) -> Array:
-    """(N, 2) Places of a strand in the plan around a crossing; those of the truth reach farther."""
+    """Return (N, 2) places of a strand in the plan around a crossing; finer ones reach farther."""
     chain, s = chains[at[0]], at[1]
     places = BESIDE if finer == 1 else np.linspace(1.5 * BESIDE[0], 1.5 * BESIDE[-1], 25 * finer)
     return np.asarray(chain.at(s + radius * places)[:, :2])
 
 
 def _mean_distance(places: Array, line: Array) -> float:
-    """Mean distance of places from those of a line."""
+    """Return the mean distance of places from a line's places."""
     return float(np.linalg.norm(places[:, None] - line, axis=2).min(axis=1).mean())
 
 
@@ -130,7 +129,7 @@ def judge_scene(synthetic: SyntheticScene) -> dict[str, Any]:
     Returns
     -------
     dict
-        `scene`, `noise` over the radius, `right` (the topology), `true` (how many crossings there are), and
+        `scene`, `noise` over the radius, `right` (the topology), `true` (number of true crossings), and
         `crossings` with the fields of `Found`.
     """
     chains: Sequence[strand.Chain] = ()
@@ -153,11 +152,11 @@ def judge_scene(synthetic: SyntheticScene) -> dict[str, Any]:
 
 
 def group_by_probability(records: Iterable[dict[str, Any]]) -> list[tuple[float, float, int, float, float]]:
-    """Rows of probabilities from, to, how many crossings, their mean probability, and the share right."""
+    """Return rows: probability from and to, number of crossings, mean probability, share right."""
     every = [(one["probability"], one["right"]) for record in records for one in record["crossings"]]
     said, right = (np.array(column, dtype=float) for column in zip(*every, strict=True))
     rows = []
-    for low, high in pairwise(SAID):
+    for low, high in pairwise(PROBABILITIES):
         some = (said >= low) & (said < high)
         if some.any():
             rows.append(
@@ -167,9 +166,9 @@ def group_by_probability(records: Iterable[dict[str, Any]]) -> list[tuple[float,
 
 
 def group_by_noise(records: Sequence[dict[str, Any]]) -> list[tuple[str, int, int, int, int, int]]:
-    """Rows of noise, scenes, those of right topology, their true crossings, of these right, other way round.
+    """Return rows: noise, scenes, those with the right topology, their crossings, right ones, reversed ones.
 
-    The others were not found.
+    strand did not find the other crossings.
     """
     rows = []
     for low, high in [(0.0, np.inf), *pairwise(NOISES)]:
@@ -187,11 +186,11 @@ def group_by_noise(records: Sequence[dict[str, Any]]) -> list[tuple[str, int, in
 
 
 def plot_probabilities(rows: Sequence[tuple[float, float, int, float, float]], path: Path) -> None:
-    """Draw the share right over the probability that was said, both as the odds against it."""
+    """Draw the share of right orders over the reported probability, both on logarithmic axes."""
     figure = Figure(figsize=(4.2, 3.6), layout="constrained")
     axis = figure.subplots()
     said = np.array([row[3] for row in rows])
-    # of one crossing more of each kind: none is wrong of a few
+    # with one more crossing of each outcome, so that few crossings give no share of 0
     wrong = np.array([(row[2] * (1 - row[4]) + 1) / (row[2] + 2) for row in rows])
     sd = np.sqrt(wrong * (1 - wrong) / np.array([row[2] + 3 for row in rows]))
     axis.plot([1e-3, 0.5], [1e-3, 0.5], color="#999999", linewidth=1)
@@ -205,14 +204,14 @@ def plot_probabilities(rows: Sequence[tuple[float, float, int, float, float]], p
     for one in (axis.xaxis, axis.yaxis):
         one.set_ticks(ticks, names)
         one.set_tick_params(which="minor", length=0)
-    axis.set_xlabel("probability said, %")
+    axis.set_xlabel("reported probability, %")
     axis.set_ylabel("order right, % of crossings")
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
 
 
 def judge_fresh(arguments: argparse.Namespace) -> list[dict[str, Any]]:
-    """Judge fresh scenes, but for those that have their line already."""
+    """Judge random scenes, but for those that have their line."""
     asked = [arguments.noise, *arguments.relative]
     lines = arguments.out / "order.jsonl" if arguments.out else None
     done = {}
@@ -237,7 +236,7 @@ def main() -> int:
     parser.add_argument("--scenes", type=int, default=500, metavar="N", help="how many (default: 500)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write order.jsonl and order.png here")
-    parser.add_argument("--noise", choices=("both", "small", *KINDS), default="both", help="of which kind")
+    parser.add_argument("--noise", choices=("both", "small", *KINDS), default="both", help="of the scenes")
     parser.add_argument(
         "--relative",
         type=float,
@@ -246,7 +245,7 @@ def main() -> int:
         metavar=("LOW", "HIGH"),
         help="range of the noise, radii (default: 0.05 1)",
     )
-    parser.add_argument("--collection", action="store_true", help="scenes of the collection, not fresh ones")
+    parser.add_argument("--collection", action="store_true", help="take scenes of the collection")
     collection.add_arguments(parser)
     arguments = parser.parse_args()
     if arguments.collection:
@@ -266,12 +265,12 @@ def main() -> int:
         print()
     else:
         records = judge_fresh(arguments)
-    print_head("noise / r", "scenes", "topology right", "their crossings", "order right", "other way round")
+    print_head("noise / r", "scenes", "topology right", "their crossings", "order right", "reversed")
     for counts in group_by_noise(records):
         print_row(*counts)
     print()
     rows = group_by_probability(records)
-    print_head("probability", "crossings", "said %", "right %")
+    print_head("probability", "crossings", "reported %", "right %")
     for low, high, count, said, right in rows:
         print_row(f"{low:g}-{high:g}", count, f"{100 * said:.2f}", f"{100 * right:.2f}")
     if arguments.out:

@@ -1,14 +1,14 @@
-"""Let the planner of examples/ work in a simulator, with strand and with a nearest-point chain, and count.
+"""Let the planner of examples/ work in a simulator, with strand and with a nearest-point chain.
 
 MUJOCO_GL=egl python benches/planning.py [--seeds N] [--first SEED] [--views V] [--film DIR]
 
-The planner is the same for both; only what it sees differs. The other chain goes from point to nearest point,
-without any notion of crossings, as simple trackers of ropes begin: the points above the table, thinned to one
-in each cube as wide as the rope's radius, are joined from the one on that is farthest from their middle. What
-counts is how the simulated rope lies in the end, not what the planner says of it.
+The planner is the same for both, only its input differs. The nearest-point chain knows no crossings, like
+simple trackers of ropes. It thins the points above the table to one per cube as wide as the rope's radius. It
+starts at the point that is farthest from their middle, and goes on to the nearest point. The bench judges the
+place of the simulated rope in the end, not the planner's report:
 
-- `pick`: an end is up in the air, held alone, and nothing from 15 cm on along the rope has moved by 1 cm.
-- `straighten`: the rope is nowhere more than 3 cm off a straight line as long as itself, and crosses nothing.
+- `pick`: one end is held alone in the air, and no part beyond 15 cm along the rope has moved by 1 cm.
+- `straighten`: the rope is nowhere more than 3 cm off a straight line of its length, and crosses nothing.
 - `untie`: nothing crosses any more.
 """
 
@@ -34,13 +34,15 @@ from simulation import BOUNDS, MAX_HELD, RADIUS, World, get_rope, lay, look, tak
 
 import strand
 
-FREE, DRAGGED, LIFTED = 0.15, 0.01, 0.03  # metres
-STRAIGHT = 0.03
+FREE = 0.15  # metres along the rope: beyond this it must not move
+MAX_MOVE = 0.01  # metres: motion of the rest of the rope
+MIN_LIFT = 0.03  # metres: height of a lifted end
+MAX_BEND = 0.03  # metres off a straight line
 
 
 @dataclass(frozen=True)
 class Run:
-    """One task done once: whether it worked, how often the planner looked, and seconds for each look."""
+    """One run of a task: whether it worked, the number of looks, and the seconds for a look."""
 
     task: str
     done: bool
@@ -49,9 +51,9 @@ class Run:
 
 
 def see_nearest_points(world: World) -> strand.Model:
-    """Look, and join each point to the nearest one that is left."""
+    """Look, and join each point to the nearest remaining point."""
     points = np.concatenate([view.points @ view.pose[:3, :3].T + view.pose[:3, 3] for view in look(world)])
-    # nothing of the table, whose depths have noise
+    # without the table, whose depths have noise
     points = points[((points > [*BOUNDS[0][:2], 0.6 * RADIUS]) & (points < BOUNDS[1])).all(axis=1)]
     _, cube = np.unique(np.floor(points / RADIUS).astype(np.int64), axis=0, return_inverse=True)
     cube = cube.ravel()
@@ -69,7 +71,7 @@ def see_nearest_points(world: World) -> strand.Model:
         at = int(away.argmin())
         if away[at] > 6.0 * RADIUS and len(path) > 1:
             break
-        # points beside the path are passed
+        # skips the points beside the path
         path.append(left[at])
         left = left[np.linalg.norm(left - left[at], axis=1) > 1.5 * RADIUS]
     return strand.Model((strand.Chain(np.array(path), RADIUS),), world.poses)
@@ -78,19 +80,19 @@ def see_nearest_points(world: World) -> strand.Model:
 def try_task(
     task: str, see: Callable[[World], strand.Model], views: int, seed: int, film: bool
 ) -> tuple[Run, World]:
-    """Do a task, and look at the truth."""
+    """Run a task, and judge the simulated rope."""
     world = lay(planner.draw_rope(task, seed), views, seed)
     world.film = [take_photo(world)] if film else None
     before, seconds = get_rope(world).points, []
 
-    def timed(world: World) -> strand.Model:
+    def see_timed(world: World) -> strand.Model:
         start = time.perf_counter()
         model = see(world)
         seconds.append(time.perf_counter() - start)
         return model
 
     try:
-        planner.TASKS[task](world, timed)
+        planner.TASKS[task](world, see_timed)
     except strand.StrandError as error:
         print(f"{task} {seed}: {error}", file=sys.stderr)
     return Run(task, RIGHT[task](world, before), len(seconds), statistics.median(seconds or [0.0])), world
@@ -101,14 +103,14 @@ def _is_picked(world: World, before: np.ndarray) -> bool:
     held = int(world.data.eq_active[:MAX_HELD].sum())
     s = get_rope(world).arc_length
     moved = np.linalg.norm(after - before, axis=1)
-    lifted = [z > LIFTED for z in (after[0, 2], after[-1, 2])]
+    lifted = [z > MIN_LIFT for z in (after[0, 2], after[-1, 2])]
     rest = s > FREE if lifted[0] else s < s[-1] - FREE
-    return held == 1 and any(lifted) and bool(moved[rest].max() < DRAGGED)
+    return held == 1 and any(lifted) and bool(moved[rest].max() < MAX_MOVE)
 
 
 def _is_straight(world: World, _: np.ndarray) -> bool:
     chain = get_rope(world)
-    return not chain.crossings() and chain.shape_error(planner.make_line(chain)).worst < STRAIGHT
+    return not chain.crossings() and chain.shape_error(planner.make_line(chain)).worst < MAX_BEND
 
 
 def _is_untied(world: World, _: np.ndarray) -> bool:
@@ -118,12 +120,11 @@ def _is_untied(world: World, _: np.ndarray) -> bool:
 RIGHT = {"pick": _is_picked, "straighten": _is_straight, "untie": _is_untied}
 
 
-def main() -> None:
-    """Run, count, and draw films if asked to."""
+def main() -> int:
     parser = make_parser(__doc__)
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--first", type=int, default=0, metavar="SEED")
-    parser.add_argument("--views", type=int, default=3)
+    parser.add_argument("--seeds", type=int, default=20, metavar="N", help="runs of a task (default: 20)")
+    parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
+    parser.add_argument("--views", type=int, default=3, metavar="V", help="cameras (default: 3)")
     parser.add_argument("--tasks", nargs="+", choices=RIGHT, default=list(RIGHT))
     parser.add_argument("--film", type=Path, metavar="DIR", help="draw a strip of each task's first run")
     options = parser.parse_args()
@@ -146,6 +147,7 @@ def main() -> None:
             print_row(task, name, f"{done} of {len(runs)}", looks, f"{seconds:.2f}")
             if failed:
                 print(f"{task} by {name} failed with the seeds {failed}", file=sys.stderr, flush=True)
+    return 0
 
 
 def _draw_film(world: World, path: Path) -> None:

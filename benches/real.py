@@ -1,10 +1,10 @@
-"""Reconstruct the real frames of a rope between two grippers and draw the chains over what the camera saw.
+"""Reconstruct the real frames of a rope between two grippers, and draw the chains over the images.
 
 python benches/real.py [--out DIR] [--frames 0500 0590] [--masks]
 
-The frames are those of benches/lib/frames.py: one view, radius 3.8 mm as the silhouettes show, one rope. The
-picture shows the order along the rope by colour, from the start in blue to the end in yellow, and what only
-bridges a gap in red.
+The frames are those of benches/lib/frames.py: one view of one rope with a radius of 3.8 mm, as the
+silhouettes show. The picture shows the order along the rope by colour, from blue to yellow, and bridged gaps
+in red.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ RADIUS = 0.0038  # metres
 
 
 def draw_frames(models: dict[str, strand.Model], path: Path) -> None:
+    """Draw chains over the frames."""
     intrinsics = frames.load_intrinsics()
     figure = Figure(figsize=(12, 7.2), layout="constrained")
     axes = figure.subplots(2, 3)

@@ -1,9 +1,9 @@
-"""Memory and time over recordings of 50 and 500 frames: frames are read one by one, so memory stays.
+"""Measure memory and time of recordings of 50 and 500 frames: memory does not grow with the frames.
 
-    python benches/recordings.py [--frames 50 500] [--size 640 480]
+python benches/recordings.py [--frames 50 500] [--size 640 480]
 
-One camera sees the views of a scene over and over, depth in millimetres. Each recording is read in a process
-of its own; memory is the peak of that process above what it takes before the file is opened.
+One camera sees the views of a scene again and again, with depth in millimetres. A process of its own reads
+each recording. Its memory is the peak above the memory before the file is opened.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ NAMES = {"ros1": "ROS 1 bag", "sqlite3": "ROS 2 bag (SQLite)", "mcap": "MCAP"}
 
 
 def read_peak() -> float:
-    """Most memory that this process has taken, MB: as Linux says it, of this process alone."""
+    """Return the peak memory of this process, MB."""
     status = Path("/proc/self/status").read_text()
     return int(re.search(r"VmHWM:\s+(\d+) kB", status)[1]) / 1024
 
 
 def read_recording(path: Path, world: str | None, results: multiprocessing.SimpleQueue) -> None:
-    """Read all frames, and say how many there were, the memory in MB, and the time of one in ms."""
+    """Read all frames. Put the number of frames, the memory in MB and the time of a frame in ms."""
     before, begun, count = read_peak(), time.perf_counter(), 0
     with Recording(path, world=world) as recording:
         for frame in recording:

@@ -1,21 +1,20 @@
-"""Measure the views' poses and the curve that comes of them: ICP against the joint fit, and print tables.
+"""Measure the poses and the curve after ICP and after the joint fit.
 
 python benches/registration.py [DIR] [--only TEXT] [--seeds N]
 
-Simulated ropes are seen by views of various numbers and distances, at poses that are wrong as those read off
-a stage are. A pose's error is how far it displaces the rope's true points (root mean square), split into the
-part across the rope and the part along it. It is split into directions too: a pose's six corrections, each
-over the standard deviation of the reported poses, have the joint fit's covariance, and the data fix those of
-its principal directions whose standard deviation is less than 0.71 times the reported poses', so that the
-data say more than the report. In the fixed directions the error is a displacement and an angle, beside the
-angle that the joint fit's covariance makes expect; in the open ones, such as along a straight rope and about
-it, it is a displacement, of the views that have any. The middle view is exact by construction and not
-counted; figures are medians over the other views. The curve's error is the distance of the longest chain's
-nodes from the truth (root mean square), median over scenes.
+Views of various numbers and distances see simulated ropes. Their poses are wrong, as those read off a stage.
+A pose's error is the displacement of the rope's true points (root mean square), across and along the rope.
 
-"reported" are the poses as read off the stage, with the joint method's curve when they are held there; "ICP"
-is `Config.published()`, "joint" the default. The last table has the same by depth noise, of the scenes of DIR
-or, without it, of those of benches/lib/collection.py.
+The bench also splits the error into directions of the pose. The joint fit's covariance of a pose's six
+corrections, each over the reported standard deviation, has principal directions. The data fix a direction if
+its standard deviation is below 0.71: then the data say more than the report. In fixed directions the error is
+a displacement and an angle, beside the angle that the covariance predicts. In open directions, such as along
+a straight rope and about it, it is a displacement, of the views that have open directions. The middle view is
+exact and does not count. Figures are medians over the other views. The curve's error is the distance of the
+longest chain's nodes from the truth (root mean square), median over scenes.
+
+"reported" holds the poses as read off the stage, "ICP" is `Config.published()`, "joint" the default. The last
+table has the same by depth noise, for the scenes of DIR or of benches/lib/collection.py.
 """
 
 from __future__ import annotations
@@ -40,8 +39,10 @@ Array = NDArray[np.float64]
 
 SHAPES = ("straight", "arc", "s", "paper")
 NOISE = 0.7e-3  # metres
-TURN_SD, SHIFT_SD = np.radians(0.5), 1.5e-3  # of the reported poses, in the table plane
-FIXED = 0.5**0.5  # standard deviation over the reported poses' under which the data fix a direction
+TURN_SD = np.radians(0.5)  # radians: error of the reported poses about the table's normal
+SHIFT_SD = 1.5e-3  # metres: error of the reported poses in the table's plane
+MAX_FIXED = 0.5**0.5  # standard deviation of a fixed direction, over the reported one
+ALL_FIXED = 5.5  # trace of the projector from which on no direction is open
 SPREADS = {
     "two views, 30° apart": (-15, 15),
     "two views, 60° apart": (-30, 30),
@@ -53,7 +54,7 @@ SPREADS = {
     "one view": (0,),
 }
 METHODS = {
-    # so sure of the reported poses that they do not move
+    # deviations so small that the reported poses do not move
     "reported": strand.Config(poses=Poses(rotation_sd=1e-7, translation_sd=1e-9)),
     "ICP": strand.Config.published(),
     "joint": strand.Config(),
@@ -62,16 +63,16 @@ METHODS = {
 
 @dataclass(frozen=True, eq=False)
 class Directions:
-    """Which corrections of the poses the data fix.
+    """Corrections of the poses that the data fix.
 
     Attributes
     ----------
     centre : (3,) ndarray
-        What rotations are about, metres.
+        The centre of rotations, metres.
     fixed : (V, 6, 6) ndarray
-        For each view the projector on what is fixed, of corrections over the reported poses' deviations.
+        Each view's projector on the fixed directions, for corrections over the reported deviations.
     expected : (V,) ndarray
-        Angle that remains in the fixed directions by the covariance, radians.
+        The angle that the covariance predicts in fixed directions, radians.
     """
 
     centre: Array
@@ -80,13 +81,13 @@ class Directions:
 
     @classmethod
     def of(cls, model: strand.Model) -> Directions:
-        """Take them from a joint fit."""
+        """Return the directions of a joint fit."""
         sd = _make_reported_sd()
         centre = np.mean([points.mean(axis=0) for points in model.stages["filtered"]], axis=0)
         fixed, expected = [], []
         for covariance in model.stages["fit"].pose_covariance:
             variance, basis = np.linalg.eigh(covariance / sd / sd[:, None])
-            kept = basis[:, variance < FIXED**2]
+            kept = basis[:, variance < MAX_FIXED**2]
             fixed.append(kept @ kept.T)
             turn = sd[:3, None] * (fixed[-1] @ (covariance / sd / sd[:, None]) @ fixed[-1])[:3, :3] * sd[:3]
             expected.append(np.sqrt(np.trace(turn)))
@@ -95,7 +96,7 @@ class Directions:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What one method made of one scene.
+    """Errors of one method in one scene.
 
     Attributes
     ----------
@@ -115,7 +116,7 @@ def simulate(name: str, azimuths: Sequence[float], seed: int) -> SyntheticScene:
     """Return a shape seen from some azimuths, degrees, with noise and wrong poses."""
     laid = strand.synthetic.scene(name, seed=seed, noise=strand.synthetic.Noise(depth=NOISE))
     distance = float(np.linalg.norm(laid.poses_true[0, :3, 3]))
-    # the same errors of the poses whatever the distance between the views
+    # the same errors of the poses for each distance between the views
     stage, sensor = (np.random.default_rng([seed, SHAPES.index(name), part]) for part in range(2))
     poses_true = np.stack([camera_pose(np.radians(azimuth), distance) for azimuth in azimuths])
     depth, poses = [], []
@@ -132,6 +133,7 @@ def simulate(name: str, azimuths: Sequence[float], seed: int) -> SyntheticScene:
 
 
 def _make_reported_sd() -> Array:
+    """Return (6,) the standard deviations of a reported pose."""
     poses = strand.Config().poses
     return np.repeat([poses.rotation_sd, poses.translation_sd], 3)
 
@@ -139,7 +141,7 @@ def _make_reported_sd() -> Array:
 def compute_pose_errors(
     found: Iterable[Array], true: Sequence[Array], truth: Sequence[Array], directions: Directions
 ) -> Array:
-    """(V - 1, 6) Errors of all but the middle view, see `Outcome`."""
+    """Return (V - 1, 6) the errors of all but the middle view, as in `Outcome`."""
     points = np.concatenate(truth)
     tangents = np.concatenate([np.gradient(nodes, axis=0) for nodes in truth])
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
@@ -159,7 +161,7 @@ def compute_pose_errors(
         parts = (fixed, sd * correction - fixed)
         displaced = [np.cross(part[:3], points - directions.centre) + part[3:] for part in parts]
         sizes = [compute_rms(part) for part in (across, along, *displaced)]
-        if np.trace(directions.fixed[number]) > 5.5:
+        if np.trace(directions.fixed[number]) > ALL_FIXED:
             sizes[3] = np.nan
         angle = float(np.linalg.norm(fixed[:3]))
         rows.append((*sizes[:3], angle, directions.expected[number], sizes[3]))
@@ -167,7 +169,7 @@ def compute_pose_errors(
 
 
 def compute_rms(values: Array) -> float:
-    """Of numbers, or of the lengths of vectors."""
+    """Return the root mean square of numbers, or of the lengths of vectors."""
     return float(np.sqrt((values**2).sum() / len(values)))
 
 
@@ -204,7 +206,7 @@ def measure_answer(
 
 
 def _list_places(nodes: Array) -> Array:
-    """Arc lengths 0.05 mm apart."""
+    """Return arc lengths 0.05 mm apart."""
     length = np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum()
     return np.linspace(0.0, length, int(length / 5e-5) + 2)
 

@@ -1,9 +1,10 @@
-"""Reconstruct scenes that are hard to see for one reason each, and say how often the answer is right.
+"""Reconstruct scenes that are hard to see for one reason each, and count the answers that are right.
 
 python benches/rough.py [--scenes N] [--first SEED] [--only KIND] [--pictures DIR]
 
-The kinds are those of `strand.synthetic.rough_scene`, with seeds from 0 on; cameras, and one view and three,
-take turns. The radius and the number of ropes are told. A picture is drawn of each scene that is not right.
+The kinds are those of `strand.synthetic.rough_scene`, with seeds from 0 on. Cameras take turns, and so do one
+view and three. The radius and the number of ropes are given. `--pictures` draws the scenes that are not
+right.
 """
 
 from __future__ import annotations

@@ -1,11 +1,12 @@
-"""Join the same arcs by the paper's rule and by the global decision, and say where each fails.
+"""Join the same arcs by the paper's rule, by one matching and by the decision, and print where each fails.
 
 python benches/rules.py [DIR] [--only TEXT]
 
 Without DIR the scenes are those of benches/lib/collection.py. The arcs are those that the default method
 traces and fits. The paper's rule groups their ends by four, nearest first, and joins the pairs whose
-directions agree best (section V-B); the matching joins all ends at once, at least cost; the decision compares
-several ways to part and join them by fitting each. What is joined is fitted to the points in the same way.
+directions agree best (section V-B). The matching joins all ends at once at least cost. The decision fits
+several ways to split and join the arcs, and compares them. All three are fitted to the points in the same
+way.
 """
 
 from __future__ import annotations
@@ -40,18 +41,20 @@ from strand.views.view import cropped
 
 
 def join_by_paper(arcs: Sequence[np.ndarray], radius: float) -> Chains:
+    """Join arcs by the paper's rule."""
     joins = reconnect(Split((), (), tuple(arcs), ()), radius, None, Reconnection()).joins
     return chain_arcs(arcs, joins, JoinEvidence(radius, Config().linking))
 
 
 def join_by_matching(arcs: Sequence[np.ndarray], radius: float) -> Chains:
+    """Join arcs by one matching of all ends."""
     evidence = JoinEvidence(radius, Config().linking)
     joins, _ = match_ends(price_joins(arcs, evidence), evidence.config.free_end)
     return chain_arcs(arcs, joins, evidence)
 
 
 def fit_chains(scene: SyntheticScene, model: strand.Model, chains: Chains) -> list[np.ndarray]:
-    """Nodes of ropes after the last fit, from the corrected poses of the model."""
+    """Return the nodes of ropes after the last fit, with the corrected poses of the model."""
     config = Config()
     least = config.linking.min_length * scene.radius
     kept = [(nodes, closed) for nodes, closed in chains if path_length(nodes)[-1] > least]

@@ -1,12 +1,12 @@
-"""Reconstruct simulated scenes and print a table: topology, errors, crossings, confidence, time.
+"""Reconstruct simulated scenes and print topology, errors, crossings, confidence and time.
 
 python benches/scenes.py [DIR] [--only TEXT] [--published] [--estimate-radius] [--ropes N] [--views I ...]
     [--runs N]
 
 Without DIR the scenes are those of benches/lib/collection.py. Topology, Fréchet distance, RMS, length and
-crossings are as in benches/lib/measure.py; the time is the median of the runs. Below the table are the RMS by
-depth noise, and a digest of all chains' nodes, bit for bit: on one machine the same digest before and after a
-change says that no answer has changed.
+crossings are those of benches/lib/measure.py. The time is the median of the runs. Below the table are the RMS
+by depth noise, and a digest of all chains' nodes, bit for bit. On one machine the digest stays the same if a
+change of the code changes no answer.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from strand.synthetic import SyntheticScene
 
 
 def reconstruct(scene: SyntheticScene, arguments: argparse.Namespace) -> tuple[strand.Model, float]:
-    """The model of a scene, and the median of the runs' times, milliseconds."""
+    """Return the model of a scene, and the median of the runs' times, milliseconds."""
     config = strand.Config.published() if arguments.published else strand.Config()
     views = scene.views if arguments.views is None else [scene.views[i] for i in arguments.views]
     radius = None if arguments.estimate_radius else scene.radius
@@ -44,7 +44,7 @@ def reconstruct(scene: SyntheticScene, arguments: argparse.Namespace) -> tuple[s
 
 
 def format_scene(name: str, found: Measure, confidence: float, milliseconds: float) -> str:
-    """A row of the table."""
+    """Return a row of the table."""
     crossings = found.crossings
     return format_row(
         name,
@@ -60,7 +60,7 @@ def format_scene(name: str, found: Measure, confidence: float, milliseconds: flo
 
 
 def digest_nodes(answers: Iterable[tuple[str, list[np.ndarray]]]) -> str:
-    """SHA-256 of scenes' names and their chains' nodes, bit for bit."""
+    """Return the SHA-256 of scenes' names and their chains' nodes, bit for bit."""
     whole = hashlib.sha256()
     for name, chains in answers:
         whole.update(f"{name} {[len(nodes) for nodes in chains]}".encode())
@@ -73,27 +73,18 @@ def main() -> int:
     parser = make_parser(__doc__)
     collection.add_arguments(parser)
     parser.add_argument("--published", action="store_true", help="use Config.published()")
-    parser.add_argument("--estimate-radius", action="store_true", help="do not tell the radius")
-    parser.add_argument("--ropes", type=int, metavar="N", help="tell the number of ropes")
-    parser.add_argument("--views", type=int, nargs="+", metavar="I", help="only these views, counted from 0")
+    parser.add_argument("--estimate-radius", action="store_true", help="do not give the radius")
+    parser.add_argument("--ropes", type=int, metavar="N", help="give the number of ropes")
+    parser.add_argument("--views", type=int, nargs="+", metavar="I", help="use only these views, from 0 on")
     parser.add_argument("--runs", type=int, default=5, metavar="N", help="of each scene (default: 5)")
     arguments = parser.parse_args()
     if arguments.published and arguments.estimate_radius:
         parser.error("--estimate-radius: the published method needs the radius")
     if arguments.runs < 1:
         parser.error("--runs: expected at least 1")
-    titles = (
-        "scene",
-        "topology",
-        "chains",
-        "Fréchet / r",
-        "RMS mm",
-        "length %",
-        "crossings",
-        "confidence",
-        "ms",
+    print_head(
+        *("scene", "topology", "chains", "Fréchet / r", "RMS mm", "length %", "crossings", "confidence", "ms")
     )
-    print_head(*titles)
     answers, measures = [], []
     by_noise: dict[float, list[float]] = defaultdict(list)
     sure_and_wrong = 0.0

@@ -1,16 +1,15 @@
-"""Make random scenes worse in every way that is known, and say how often the answer is sure and wrong.
+"""Perturb random scenes in every known way, and count the answers that are sure and wrong.
 
 python benches/severity.py [--scenes N] [--first SEED] [--only TEXT] [--out DIR]
 
-Scene k is drawn from the seed k: 0 to 3 crossings, one or two ropes, a radius of 2.5 to 7 mm, 3, 5 or 7 views
-of 320 x 240 pixels, independent noise of 0.05 to 0.2 radii. Each kind of benches/lib/perturbations.py at each
-strength is applied to N of them. The radius is given, the number of ropes is not, unless it is what is wrong.
-Right is what benches/lib/judging.py calls so: chains within 1.5 radii of the ropes, in the world frame.
+Scene k has the seed k: 0 to 3 crossings, one or two ropes, a radius of 2.5 to 7 mm, 3, 5 or 7 views of 320 x
+240 pixels, independent noise of 0.05 to 0.2 radii. Each kind of benches/lib/perturbations.py at each strength
+changes N of them. The radius is given, the number of ropes is not, unless it is the perturbation. An answer
+is right if its chains are within 1.5 radii of the ropes, in the world frame.
 
-An answer that takes more than 8 s of processor time counts as none.
+No answer after 8 s of processor time counts as none.
 
-`--out` gets severity.jsonl, a line for each run, and severity.png; runs that have their line there are not
-done again.
+`--out` gets severity.jsonl, a line for each run, and severity.png. The bench skips runs that have their line.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ from lib.results import make_parser, run_bench
 from lib.tables import format_head, format_row
 from strand.synthetic import Noise, SyntheticScene, random_ropes, scene
 
-PATIENCE = 8  # seconds of processor time after which there is no answer
+MAX_SECONDS = 8  # of processor time for an answer
 
 
 @functools.lru_cache(maxsize=1)
@@ -70,7 +69,7 @@ def draw_other_scene(seed: int, views: int) -> SyntheticScene:
 
 
 def perturb_scene(seed: int, name: str, strength: float) -> Given:
-    """Return what is given of a scene made worse."""
+    """Return the input of a perturbed scene."""
     kind = KINDS[name]
     right = draw_scene(seed, kind.masked)
     whole = Given.of(right, lambda: draw_other_scene(seed, len(right.depth)))
@@ -79,19 +78,21 @@ def perturb_scene(seed: int, name: str, strength: float) -> Given:
 
 
 def judge_run(seed: int, name: str, strength: float) -> dict[str, Any]:
-    """Reconstruct one scene made worse, and compare with the truth."""
-    what = perturb_scene(seed, name, strength)
-    record = {"seed": seed, "kind": name, "strength": strength, "views": len(what.depth)}
+    """Reconstruct a perturbed scene, and compare the answer with the truth."""
+    perturbed = perturb_scene(seed, name, strength)
+    record = {"seed": seed, "kind": name, "strength": strength, "views": len(perturbed.depth)}
     start = time.process_time()
-    signal.setitimer(signal.ITIMER_PROF, PATIENCE)
+    signal.setitimer(signal.ITIMER_PROF, MAX_SECONDS)
     try:
-        model = what.reconstructed()
+        model = perturbed.reconstruct()
     except (strand.StrandError, TimeoutError) as error:
         return {**record, "right": False, "confidence": 0.0, "error": str(error)}
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)
     seconds = time.process_time() - start
-    found = measure_chains([chain.points for chain in model.chains], what.scene.truth, what.scene.radius)
+    found = measure_chains(
+        [chain.points for chain in model.chains], perturbed.scene.truth, perturbed.scene.radius
+    )
     return {
         **record,
         "right": found.right,
@@ -104,19 +105,21 @@ def judge_run(seed: int, name: str, strength: float) -> dict[str, Any]:
 
 
 def raise_timeout(*_: object) -> None:
-    """End a reconstruction that takes too long."""
-    raise TimeoutError(f"no answer after {PATIENCE} s of processor time")
+    """End a reconstruction that takes too long, as a handler of signals."""
+    raise TimeoutError(f"no answer after {MAX_SECONDS} s of processor time")
 
 
 def count_shares(records: Sequence[dict[str, Any]]) -> tuple[int, int, int]:
-    """How many are right, sure, and sure and wrong."""
+    """Count the records that are right, sure, and sure and wrong."""
     sure = [r for r in records if r["confidence"] >= SURE]
     return sum(r["right"] for r in records), len(sure), sum(not r["right"] for r in sure)
 
 
 def format_table(records: Sequence[dict[str, Any]]) -> str:
-    """A row for each kind and strength, and one for all."""
-    lines = [format_head("what is wrong", "by", "scenes", "right", f"confidence ≥ {SURE}", "sure and wrong")]
+    """Return a table with a row for each kind and strength, and one for all."""
+    lines = [
+        format_head("perturbation", "strength", "scenes", "right", f"confidence ≥ {SURE}", "sure and wrong")
+    ]
     for name, kind in KINDS.items():
         for strength in kind.strengths:
             some = [r for r in records if r["kind"] == name and r["strength"] == strength]
@@ -129,7 +132,7 @@ def format_table(records: Sequence[dict[str, Any]]) -> str:
 
 
 def format_strength(kind: Kind, strength: float) -> str:
-    """A strength in words."""
+    """Return a strength with its unit."""
     if kind.unit == "m":
         return f"{strength * 1e3:.3g} mm"
     if kind.unit == "rad":
@@ -158,11 +161,11 @@ def main() -> int:
         if lines.exists():
             each = map(json.loads, lines.read_text().splitlines())
             known = {(r["seed"], r["kind"], r["strength"]): r for r in each}
-    # scenes are small: one thread each, so that several runs share a machine
+    # scenes are small: one thread, so that several runs share a machine
     strand.set_num_threads(1)
     signal.signal(signal.SIGPROF, raise_timeout)
     records = []
-    # kinds with and without masks in turn: a scene is drawn once for each
+    # kinds without masks first, so that a scene is drawn only twice
     names.sort(key=lambda name: KINDS[name].masked)
     for seed in range(arguments.first, arguments.first + arguments.scenes):
         for name in names:

@@ -1,12 +1,12 @@
-"""Reconstruct random scenes by several threads in one process: memory stays flat, answers are one thread's.
+"""Reconstruct random scenes by several threads in one process: memory stays flat, answers keep their bits.
 
 python benches/soak.py [--scenes N] [--threads N] [--first SEED]
 
-The scenes are small and drawn from seeds. First one thread reconstructs them in order, then several share
-them, and each answer is compared bit for bit. The resident memory is noted after each hundredth of the
-scenes, when none is worked on and the allocator has given back what is free; the slope is that of a straight
-line through the second half of them. The exit code is 1 if an answer differs or memory grows by more than 1
-kB for each scene, which is less than the nodes of a rope take.
+The scenes are small and come from seeds. One thread reconstructs them in order, then several threads share
+them, and the bench compares each answer bit for bit. It notes the resident memory after each hundredth of the
+scenes, when no thread works and the allocator has given back free memory. The slope is that of a straight
+line through the second half. The exit code is 1 if an answer differs, or if memory grows by more than 1 kB a
+scene, which is less than the nodes of a rope.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from lib.results import make_parser, run_bench
 from strand.synthetic import SHAPES, Camera, Noise, random_ropes, scene
 
 SMALL = (160, 120)  # pixels
-FLAT = 1.0  # kB of resident memory for each scene
+MAX_SLOPE = 1.0  # kB of resident memory a scene
 
 
 def digest_answer(seed: int) -> str:
-    """Draw a scene, reconstruct it in one of several ways, and return a digest of all that came of it."""
+    """Draw a scene, reconstruct it in one of several ways, and return a digest of the answer."""
     rng = np.random.default_rng(seed)
     views = int(rng.integers(1, 4))
     if rng.random() < 0.5:
@@ -59,7 +59,7 @@ def digest_answer(seed: int) -> str:
 
 
 def read_resident() -> float:
-    """The process's resident memory, kB."""
+    """Return the process's resident memory, kB."""
     ctypes.CDLL(None).malloc_trim(0)
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith("VmRSS:"):
@@ -86,18 +86,18 @@ def main() -> int:
             for seed, found in zip(part, pool.map(digest_answer, part), strict=True):
                 if found != alone[seed - seeds[0]]:
                     differing.append(seed)
-            # nobody works now
+            # no thread works now
             places.append(first)
             sizes.append(read_resident())
     print(f"{arguments.threads} threads: {len(seeds)} scenes in {time.perf_counter() - start:.0f} s")
     half = len(places) // 2
     slope = float(np.polyfit(places[half:], sizes[half:], 1)[0]) if len(places) - half > 1 else 0.0
     print(
-        f"resident memory: {sizes[half] / 1e3:.1f} MB half way, {sizes[-1] / 1e3:.1f} MB at the end, ", end=""
+        f"resident memory: {sizes[half] / 1e3:.1f} MB halfway, {sizes[-1] / 1e3:.1f} MB at the end, ", end=""
     )
     print(f"{slope:+.3f} kB for each scene")
     print(f"answers that differ from one thread's: {len(differing)} {differing[:10] if differing else ''}")
-    return int(bool(differing) or slope > FLAT)
+    return int(bool(differing) or slope > MAX_SLOPE)
 
 
 if __name__ == "__main__":

@@ -2,9 +2,9 @@
 
 python benches/stages.py [SCENE ...] [--runs N]
 
-A SCENE is the name of one in benches/lib/collection.py or an .npz file. "views" is the un-projection of the
-images, "rest" what belongs to no stage; the total, from the images to the model, is the median of all runs,
-then the quickest: on a busy machine it says more. Stages are medians.
+A SCENE is a name of benches/lib/collection.py or an .npz file. "views" un-projects the images, "rest" is all
+time outside of stages. The total, from the images to the model, is the median of all runs. The quickest run
+comes second: on a busy machine it means more. Stages are medians.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ METHODS = {"default": strand.Config(), "published": strand.Config.published()}
 
 
 def time_stages(scene: SyntheticScene, config: strand.Config) -> dict[str, float]:
-    """Seconds of each stage of one run."""
+    """Reconstruct once, and return the seconds of each stage."""
     images = zip(scene.depth * scene.depth_scale, scene.poses, strict=True)
     start = time.perf_counter()
     views = [strand.View.from_depth(image, scene.intrinsics, pose) for image, pose in images]

@@ -1,4 +1,4 @@
-"""Bags of scenes, as rosbags writes them, for tests and benches: ROS 1, ROS 2 (SQLite) and MCAP."""
+"""Bags of scenes in ROS 1, ROS 2 (SQLite) and MCAP, written by rosbags."""
 
 from __future__ import annotations
 
@@ -24,29 +24,30 @@ for _store in STORES.values():
     _store.register(
         get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage")
     )
-START = 1_700_000_000 * 10**9
-PERIOD = 33_333_333
+START = 1_700_000_000 * 10**9  # nanoseconds: stamp of the first message
+PERIOD = 33_333_333  # nanoseconds between frames
 
 Entry = tuple[str, int, Any]  # topic, nanoseconds, message
 
 
 class Messages:
-    """Makes messages of ROS 1 or ROS 2, which differ in the names of some fields."""
+    """Makes messages of ROS 1 or ROS 2. They differ in the names of some fields."""
 
     def __init__(self, ros1: bool = False) -> None:
         self.ros1, self.store = ros1, STORES[ros1]
 
     def make(self, kind: str, **fields: Any) -> Any:
-        """A message of a type, such as "sensor_msgs/msg/Image"."""
+        """Return a message of a type, such as "sensor_msgs/msg/Image"."""
         return self.store.types[kind](**fields)
 
     def header(self, frame: str, stamp: int) -> Any:
+        """Return a header."""
         time = self.make("builtin_interfaces/msg/Time", sec=stamp // 10**9, nanosec=stamp % 10**9)
         more = {"seq": 0} if self.ros1 else {}
         return self.make("std_msgs/msg/Header", stamp=time, frame_id=frame, **more)
 
     def image(self, depth: NDArray[Any], stamp: int, frame: str = "camera", **changes: Any) -> Any:
-        """Depth as uint16 in millimetres or float32 in metres; either order of bytes."""
+        """Return depth as uint16 in millimetres or float32 in metres, in the array's order of bytes."""
         fields = {
             "height": depth.shape[0],
             "width": depth.shape[1],
@@ -60,7 +61,7 @@ class Messages:
     def compressed(
         self, depth: NDArray[np.uint16], stamp: int, frame: str = "camera", kind: str = "16UC1", a=0.0, b=0.0
     ) -> Any:
-        """Numbers as "compressedDepth": 12 bytes and a PNG."""
+        """Return numbers as "compressedDepth": 12 bytes and a PNG."""
         png = io.BytesIO()
         Image.fromarray(depth).save(png, "png")
         data = struct.pack("<iff", 0, a, b) + png.getvalue()
@@ -72,7 +73,7 @@ class Messages:
         )
 
     def info(self, intrinsics: Any, size: tuple[int, int], stamp: int, frame: str = "camera", d=()) -> Any:
-        """CameraInfo of a pinhole; `size` is (height, width)."""
+        """Return a CameraInfo of a pinhole; `size` is (height, width)."""
         k = np.asarray(intrinsics, dtype=np.float64)
         fields = {
             "D": np.array(d, dtype=np.float64),
@@ -97,7 +98,7 @@ class Messages:
         )
 
     def tf(self, poses: Iterable[tuple[str, str, Any]], stamp: int) -> Any:
-        """Transforms: parent, child, (4, 4) motion from child to parent."""
+        """Return transforms; each has a parent, a child, and the (4, 4) motion from child to parent."""
         transforms = []
         for parent, child, pose in poses:
             x, y, z, w = compute_quaternion(np.asarray(pose)[:3, :3])
@@ -119,7 +120,7 @@ class Messages:
 
 
 def compute_quaternion(rotation: NDArray[np.float64]) -> tuple[float, ...]:
-    """x, y, z, w of a rotation: the eigenvector of a symmetric matrix (Bar-Itzhack)."""
+    """Return x, y, z, w of a rotation: the eigenvector of a symmetric matrix (Bar-Itzhack)."""
     (a, b, c), (d, e, f), (g, h, i) = rotation
     symmetric = np.array(
         [
@@ -134,9 +135,9 @@ def compute_quaternion(rotation: NDArray[np.float64]) -> tuple[float, ...]:
 
 
 def write_bag(path: Path, kind: str, entries: Iterable[Entry], compression: str | None = None) -> Path:
-    """Write a bag of one of `FORMATS` and return where it is: a file, or a folder if that says more.
+    """Write a bag of one of `FORMATS`, and return its file, or its folder if it has more files.
 
-    Compression is "lz4" or "bz2" of ROS 1; "message", "file" or, of MCAP, "storage" of ROS 2.
+    Compression is "lz4" or "bz2" for ROS 1. It is "message" or "file" for ROS 2, or "storage" for MCAP.
     """
     ros1 = kind == "ros1"
     store, connections = STORES[ros1], {}
@@ -162,14 +163,14 @@ def write_bag(path: Path, kind: str, entries: Iterable[Entry], compression: str 
 
 
 def convert_to_millimeters(scene: SyntheticScene) -> NDArray[np.uint16]:
-    """(V, H, W) The scene's depths in whole millimetres, as 16UC1 has them."""
+    """Return (V, H, W) the scene's depths in whole millimetres, as in 16UC1."""
     return np.round(scene.depth * (scene.depth_scale * 1e3)).astype(np.uint16)
 
 
 def record_cameras(
     scene: SyntheticScene, ros1: bool = False, poses: Sequence[Any] | None = None
 ) -> Iterator[Entry]:
-    """One frame of a scene: a camera for each view, placed by static transforms to "world"."""
+    """Yield one frame of a scene: a camera for each view, with static transforms to "world"."""
     made = Messages(ros1)
     poses = scene.poses if poses is None else poses
     placed = [("world", f"camera_{k}", pose) for k, pose in enumerate(poses)]
@@ -182,7 +183,7 @@ def record_cameras(
 
 
 def record_film(scene: SyntheticScene, frames: int, ros1: bool = False) -> Iterator[Entry]:
-    """The views of a scene one after the other, by one camera that moves, over and over."""
+    """Yield the views of a scene one after the other, again and again, from one camera that moves."""
     made = Messages(ros1)
     depths = convert_to_millimeters(scene)
     for i in range(frames):

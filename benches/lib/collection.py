@@ -1,13 +1,14 @@
-"""The collection: simulated scenes with known truth, each with a name, that benches and tests measure on.
+"""The collection: simulated scenes with names and known truth, for benches and tests.
 
 - `paper_mid`, `overhand_mid`, `figure8_low`, `loop_mid`, `heap06`, `hard00`, `two_ropes`: stored in
   tests/data/scenes, rendered by another ray caster than strand's.
-- `straight_0.3mm` to `paper_1.5mm`: each shape of `SHAPES` at three levels of depth noise, with the
-  shape's place there as seed; `paper_fine` has four times the pixels.
-- `heap00` to `hard06`: settled ropes of tests/data/settled_ropes.npz, with their number as seed.
-- `random_1` to `random_6`: as many crossings of one to three random ropes, with that number as seed.
+- `straight_0.3mm` to `paper_1.5mm`: each shape of `SHAPES` at three levels of depth noise. The seed is the
+  shape's index. `paper_fine` has four times the pixels.
+- `heap00` to `hard06`: settled ropes of tests/data/settled_ropes.npz. The seed is their number.
+- `random_1` to `random_6`: one to three random ropes with 1 to 6 crossings. The seed is the number of
+  crossings.
 
-Whatever is not said is the default of `strand.synthetic.scene`.
+All else is the default of `strand.synthetic.scene`.
 """
 
 from __future__ import annotations
@@ -25,17 +26,17 @@ from strand import synthetic
 from strand.synthetic import SyntheticScene
 
 DATA = Path(__file__).resolve().parents[2] / "tests" / "data"
-# those that the tables of docs/benchmarks.md have
+# shapes of the tables in benches/results
 SHAPES = ("straight", "arc", "s", "coil", "loop", "figure8", "overhand", "paper")
 NOISES = (0.3e-3, 0.7e-3, 1.5e-3)  # metres
-FINE = (640, 480)  # pixels
+FINE = (640, 480)  # pixels of `paper_fine`
 RANDOM = {1: 1, 2: 1, 3: 2, 4: 2, 6: 3}  # ropes by crossings
 
 _ARRAYS = ("depth", "depth_scale", "K", "poses", "poses_true", "box", "radius", "noise")
 
 
 def load_stored(path: Path) -> SyntheticScene:
-    """Read what `SyntheticScene.save` wrote; the scene is called as the file is.
+    """Read a file of `SyntheticScene.save`. The scene has the file's name.
 
     Raises
     ------
@@ -94,12 +95,12 @@ _MAKERS = _list_makers()
 
 
 def list_names() -> list[str]:
-    """The names of all scenes."""
+    """Return the names of all scenes."""
     return list(_MAKERS)
 
 
 def make_scene(name: str) -> SyntheticScene:
-    """Make or read one scene: the same bits each time.
+    """Make or read one scene, with the same bits each time.
 
     Parameters
     ----------
@@ -124,7 +125,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def choose_scenes(arguments: argparse.Namespace) -> Iterator[SyntheticScene]:
-    """Yield the scenes that the command line chose; end the program if there are none."""
+    """Yield the scenes that the command line chose. End the program if there are none."""
     folder: Path | None = arguments.folder
     paths = list_names() if folder is None else [str(path) for path in sorted(folder.glob("*.npz"))]
     kept = [path for path in paths if arguments.only in Path(path).name.removesuffix(".npz")]

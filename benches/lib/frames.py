@@ -17,25 +17,25 @@ FOLDER = Path(__file__).resolve().parents[2] / "tests" / "data" / "mp2cdlo"
 
 
 def list_frames() -> list[str]:
-    """The frames' numbers, as their files have them."""
+    """Return the frames' numbers, as in the names of their files."""
     return sorted(path.stem.removeprefix("depth_") for path in FOLDER.glob("depth_*.png"))
 
 
 def load_depth(name: str) -> Array:
-    """(H, W) Depth along the camera's z axis, metres; 0 for no return."""
+    """Return (H, W) the depth along the camera's z axis, metres; 0 for no return."""
     return np.asarray(Image.open(FOLDER / f"depth_{name}.png")) * 1e-3
 
 
 def load_intrinsics() -> Array:
-    """(3, 3) The camera's pinhole matrix, pixels."""
+    """Return (3, 3) the camera's pinhole matrix, pixels."""
     camera = json.loads((FOLDER / "intrinsics.json").read_text())
     return np.array([[camera["fx"], 0.0, camera["cx"]], [0.0, camera["fy"], camera["cy"]], [0.0, 0.0, 1.0]])
 
 
 def load_view(name: str, masked: bool = False) -> strand.View:
-    """The frame, turned so that y is up and z towards the camera: a plan of it stands upright.
+    """Return a frame's view, turned so that y is up and z towards the camera: its plan stands upright.
 
-    All pixels with depth are rope; masked, a mask says so.
+    All pixels with depth are rope. `masked` gives them as a mask too.
     """
     pose = strand.pose_from_angles(np.pi, 0.0, 0.0, [0.0, 0.0, 0.0])
     seen = load_depth(name)
@@ -43,6 +43,6 @@ def load_view(name: str, masked: bool = False) -> strand.View:
 
 
 def load_gray(name: str) -> NDArray[np.uint8] | None:
-    """(H, W) The colour image without its colours; None if the frame has none."""
+    """Return (H, W) the colour image in grey; None if the frame has none."""
     path = FOLDER / f"color_image_{name}.png"
     return np.asarray(Image.open(path).convert("L")) if path.exists() else None

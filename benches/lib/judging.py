@@ -1,4 +1,4 @@
-"""Reconstructions beside the truth, scene by scene, and tables of them by group."""
+"""Judge reconstructions by the truth, scene by scene, and print tables by group."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from lib.measure import Crossings, measure_chains
 from lib.tables import format_head, format_row, print_head, print_row
 from strand.synthetic import SyntheticScene, scene
 
-SURE = 0.9  # a confidence from which on an answer is said to be sure
-FAIR = 0.8  # one from which on it is good for use
-NEAR = 3.0  # radii: the greatest Fréchet distance of a chain that follows its rope nearly
+SURE = 0.9  # confidence from which on an answer is sure
+USEFUL = 0.8  # confidence from which on an answer is useful
+MAX_NEAR = 3.0  # radii: greatest Fréchet distance of a chain near its rope
 
 
 @dataclass(frozen=True)
@@ -31,22 +31,22 @@ class Judgement:
     scene : str
         The scene's name.
     views, ropes : int
-        How many images, and how many ropes there are.
+        Number of images and of ropes.
     found : int
-        How many chains.
+        Number of chains.
     right, near : bool
         As many chains as ropes, and each within 1.5 radii of its rope (3 radii) from end to end, in order.
     frechet, rms : float
-        As in `measure.Measure`: radii and metres.
+        As in `lib.measure.Measure`: radii and metres.
     crossings : Crossings
     confidence : float
         0 where there is no answer.
     radius_error : float
-        The greatest error of a chain's radius over the true one; infinite without chains.
+        Greatest error of a chain's radius, over the true radius; infinite without chains.
     seconds : float
         From depth images to the model.
     error : str
-        Why there is no answer; empty if there is one.
+        The reason for no answer; empty if there is an answer.
     """
 
     scene: str
@@ -70,18 +70,18 @@ class Judgement:
 
 
 def judge_scene(
-    synthetic: SyntheticScene, *, tell_radius: bool, tell_ropes: bool
+    synthetic: SyntheticScene, *, give_radius: bool, give_ropes: bool
 ) -> tuple[Judgement, list[np.ndarray]]:
-    """Reconstruct a scene, compare with the truth, and return the chains' nodes too."""
+    """Reconstruct a scene and compare it with the truth. Return the chains' nodes too."""
     start = time.perf_counter()
     chains: list[np.ndarray] = []
     confidence, radius_error, error = 0.0, math.inf, ""
     try:
         model = strand.reconstruct(
             synthetic.views,
-            synthetic.radius if tell_radius else None,
+            synthetic.radius if give_radius else None,
             synthetic.bounds,
-            ropes=len(synthetic.truth) if tell_ropes else None,
+            ropes=len(synthetic.truth) if give_ropes else None,
         )
     except strand.StrandError as raised:
         error = str(raised)
@@ -90,7 +90,7 @@ def judge_scene(
         if chains:
             radius_error = max(abs(chain.radius / synthetic.radius - 1.0) for chain in model.chains)
     seconds = time.perf_counter() - start
-    # crossings are those seen across the ropes' layer: along z on a table, not before a wall
+    # crossings as seen across the ropes' layer: along z on a table, not before a wall
     turn = 2 - int(np.argmin(np.ptp(np.concatenate(synthetic.truth), axis=0)))
     truth, answer = ([np.roll(nodes, turn, axis=1) for nodes in lines] for lines in (synthetic.truth, chains))
     found = measure_chains(answer, truth, synthetic.radius)
@@ -103,7 +103,7 @@ def judge_scene(
             ropes=found.ropes,
             found=found.chains,
             right=found.right,
-            near=found.chains == found.ropes and found.frechet <= NEAR,
+            near=found.chains == found.ropes and found.frechet <= MAX_NEAR,
             frechet=found.frechet,
             rms=found.rms,
             crossings=crossings if chains else Crossings(0, crossings.true, 0),
@@ -120,17 +120,17 @@ def judge_scenes(
     scenes: Iterable[SyntheticScene],
     folder: Path | None,
     *,
-    tell_radius: bool = True,
-    tell_ropes: bool = True,
+    give_radius: bool = True,
+    give_ropes: bool = True,
 ) -> list[Judgement]:
     """Judge scenes, print a row for each, and draw those that are not right into a folder."""
-    # what is loaded and started once belongs to no scene
+    # loads modules and starts threads, so that the first scene does not
     warm = scene("straight", views=1)
     strand.reconstruct(warm.views, warm.radius, warm.bounds)
     print_head("scene", "topology", "chains", "Fréchet / r", "RMS mm", "crossings", "confidence", "ms")
     results = []
     for synthetic in scenes:
-        found, chains = judge_scene(synthetic, tell_radius=tell_radius, tell_ropes=tell_ropes)
+        found, chains = judge_scene(synthetic, give_radius=give_radius, give_ropes=give_ropes)
         results.append(found)
         print_row(
             found.scene,
@@ -159,7 +159,7 @@ def format_summary(
             "within 3 r",
             "crossings",
             f"confidence ≥ {SURE} and wrong",
-            f"right with confidence ≥ {FAIR}",
+            f"right with confidence ≥ {USEFUL}",
             "RMS mm, median of the right",
             "radius error %, median",
             "ms, median",
@@ -181,7 +181,7 @@ def format_summary(
                     *(sum(getattr(found.crossings, key) for found in group) for key in ("right", "true"))
                 ),
                 sum(found.sure_and_wrong for found in group),
-                sum(found.right and found.confidence >= FAIR for found in group),
+                sum(found.right and found.confidence >= USEFUL for found in group),
                 _format_median([found.rms * 1e3 for found in group if found.right], 2),
                 _format_median([found.radius_error * 100 for found in group], 1),
                 _format_median(milliseconds, 0),
@@ -192,4 +192,5 @@ def format_summary(
 
 
 def _format_median(values: Sequence[float], digits: int) -> str:
+    """Return the median with a number of digits."""
     return f"{statistics.median(values):.{digits}f}" if values else "–"

@@ -1,10 +1,10 @@
 """The measure of a reconstruction: its chains beside the true centrelines.
 
-Chains and centrelines are resampled every millimetre. The topology is right when there are as many chains as
-ropes and each stays within 1.5 radii of its rope by the discrete Fréchet distance: it runs through the rope
-from end to end, in order, with no shortcut, jump or missing stretch. Chains and ropes are assigned to each
-other, and chains turned round, so that these distances are least. Errors are measured in order along the
-rope, so that a chain gets no credit for lying near another strand.
+Chains and centrelines are resampled every millimetre. The topology is right if there are as many chains as
+ropes, and each stays within 1.5 radii of its rope by the discrete Fréchet distance. Then it runs through the
+rope from end to end, in order, without a shortcut, jump or gap. Chains are assigned to ropes, and reversed,
+so that these distances are least. Errors are measured in order along the rope, so that a chain gains nothing
+by lying near another strand.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from scipy.spatial.distance import cdist
 
 Array = NDArray[np.float64]
 
-STEP = 1e-3  # metres between the nodes that are compared
-RIGHT = 1.5  # radii: the greatest Fréchet distance of a chain that follows its rope
-APART = 8  # steps along a rope, the least between strands that cross
-SAME = 4.0  # radii of arc length within which a crossing found is the true one
-PARALLEL = 1e-9  # sine of the angle under which segments do not cross
+STEP = 1e-3  # metres between compared nodes
+MAX_FRECHET = 1.5  # radii: a chain within this distance follows its rope
+MIN_STEPS = 8  # along a rope, between strands that cross
+MAX_SHIFT = 4.0  # radii of arc length, from a found crossing to its true one
+MIN_SINE = 1e-9  # of the angle between segments that cross
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,9 @@ class Crossings:
     Attributes
     ----------
     found, true : int
-        How many the chains have, and the ropes.
+        Crossings of the chains and of the ropes.
     right : int
-        True crossings that were found: between the same places along the rope, the same strand on top.
+        True crossings with a found one at the same places along the rope, and the same strand on top.
     """
 
     found: int
@@ -51,7 +51,7 @@ class Measure:
     Attributes
     ----------
     chains, ropes : int
-        How many were found, and how many there are.
+        Number of chains and of ropes.
     right : bool
         Whether the topology is right.
     frechet : float
@@ -89,7 +89,7 @@ def measure_chains(chains: Sequence[ArrayLike], truth: Sequence[ArrayLike], radi
     found = [resampled(nodes) for nodes in chains if len(np.asarray(nodes)) >= 2]
     if not found:
         return Measure(0, len(ropes), False, math.inf, math.inf, math.inf, Crossings(0, 0, 0))
-    # a chain in the direction in which it is nearer to the rope, with that distance
+    # each chain in the direction that is nearer to the rope, with its distance
     fits = [
         [
             min(((compute_frechet(way, rope), way) for way in (chain, chain[::-1])), key=lambda fit: fit[0])
@@ -106,7 +106,7 @@ def measure_chains(chains: Sequence[ArrayLike], truth: Sequence[ArrayLike], radi
     return Measure(
         chains=len(found),
         ropes=len(ropes),
-        right=len(found) == len(ropes) and bool(worst <= RIGHT),
+        right=len(found) == len(ropes) and bool(worst <= MAX_FRECHET),
         frechet=float(worst),
         rms=float(np.sqrt(np.mean([compute_rms_in_order(chain, rope) ** 2 for chain, rope in pairs]))),
         length_error=float(max(abs(length - true) / true for length, true in lengths)),
@@ -115,12 +115,12 @@ def measure_chains(chains: Sequence[ArrayLike], truth: Sequence[ArrayLike], radi
 
 
 def compute_arc_lengths(nodes: Array) -> Array:
-    """(N,) Length along straight segments from the first node to each, metres."""
+    """Return (N,) the length along straight segments from the first node to each, metres."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1))])
 
 
 def resampled(nodes: ArrayLike) -> Array:
-    """(M, 3) Nodes a step apart along straight segments, the ends included."""
+    """Return (M, 3) nodes a step apart along straight segments, with both ends."""
     nodes = np.asarray(nodes, dtype=np.float64)
     at = compute_arc_lengths(nodes)
     s = np.linspace(0.0, at[-1], max(round(at[-1] / STEP) + 1, 2))
@@ -128,29 +128,31 @@ def resampled(nodes: ArrayLike) -> Array:
 
 
 def compute_frechet(a: Array, b: Array) -> float:
-    """Discrete Fréchet distance of two curves by their nodes (Eiter and Mannila 1994), metres.
+    """Return the discrete Fréchet distance of two curves (Eiter and Mannila 1994), metres.
 
-    The least length of a leash that lets two walkers go from end to end, node by node and never back:
+    The shortest leash that lets two walkers go from end to end, node by node and never back:
     C[i, j] = max(D[i, j], min(C[i-1, j], C[i, j-1], C[i-1, j-1])).
     """
-    apart = cdist(a, b)
-    n, m = apart.shape
-    # an antidiagonal i + j = k hangs on the two before it only; by i, with one place before the first
+    distances = cdist(a, b)
+    n, m = distances.shape
+    # an antidiagonal i + j = k depends on the two before it; index i, with one place before the first
     before, last = np.full(n + 1, np.inf), np.full(n + 1, np.inf)
-    last[1] = apart[0, 0]
+    last[1] = distances[0, 0]
     for k in range(1, n + m - 1):
         i = np.arange(max(0, k - m + 1), min(n - 1, k) + 1)
         leash = np.full(n + 1, np.inf)
-        leash[i + 1] = np.maximum(apart[i, k - i], np.minimum(np.minimum(last[i], last[i + 1]), before[i]))
+        leash[i + 1] = np.maximum(
+            distances[i, k - i], np.minimum(np.minimum(last[i], last[i + 1]), before[i])
+        )
         before, last = last, leash
     return float(last[n])
 
 
 def compute_rms_in_order(chain: Array, rope: Array) -> float:
-    """Root mean square distance of nodes from a rope, metres.
+    """Return the root mean square distance of nodes from a rope, metres.
 
-    Nodes are matched with the rope's segments so that the squares' sum is least and no node lies on a segment
-    before the previous node's.
+    The matching of nodes with segments has the least sum of squares. No node goes back before the segment of
+    the previous node.
     """
     start, step = rope[:-1], np.diff(rope, axis=0)
     offset = chain[:, None] - start
@@ -163,11 +165,11 @@ def compute_rms_in_order(chain: Array, rope: Array) -> float:
 
 
 def match_crossings(chain: Array, rope: Array, radius: float) -> tuple[int, int, int]:
-    """Crossings that the chain has, that the rope has, and how many of these the chain has too."""
+    """Return the number of the chain's crossings, of the rope's, and of those that both have."""
     here, there = find_crossings(chain), find_crossings(rope)
     left = list(range(len(here)))
     for place in there:
-        same = np.abs(here[left, :2] - place[:2]) < SAME * radius
+        same = np.abs(here[left, :2] - place[:2]) < MAX_SHIFT * radius
         same = same.all(axis=1) & (np.sign(here[left, 2]) == np.sign(place[2]))
         if same.any():
             del left[int(same.argmax())]
@@ -175,12 +177,13 @@ def match_crossings(chain: Array, rope: Array, radius: float) -> tuple[int, int,
 
 
 def find_crossings(nodes: Array) -> Array:
-    """(K, 3) Crossings of a curve with itself seen along z.
+    """Return (K, 3) the crossings of a curve with itself as seen along z.
 
-    Each row has the two arc lengths, the less first, and how much higher the second strand is, metres.
+    Each row has the two arc lengths, the smaller first, and the height of the second strand over the first,
+    metres.
     """
     start, step = nodes[:-1], np.diff(nodes, axis=0)
-    i, j = np.triu_indices(len(step), k=APART)
+    i, j = np.triu_indices(len(step), k=MIN_STEPS)
     offset = start[j] - start[i]
     # start_i + t step_i meets start_j + u step_j in the plane
     size = _cross_product(step[i], step[j])
@@ -188,7 +191,7 @@ def find_crossings(nodes: Array) -> Array:
         t, u = _cross_product(offset, step[j]) / size, _cross_product(offset, step[i]) / size
     meet = (t >= 0) & (t < 1) & (u >= 0) & (u < 1)
     # along a straight rope t and u are rounding errors over rounding errors
-    meet &= np.abs(size) > PARALLEL * STEP**2
+    meet &= np.abs(size) > MIN_SINE * STEP**2
     i, j, t, u = i[meet], j[meet], t[meet], u[meet]
     at, height = compute_arc_lengths(nodes), nodes[:, 2]
     return np.stack(
@@ -202,4 +205,5 @@ def find_crossings(nodes: Array) -> Array:
 
 
 def _cross_product(a: Array, b: Array) -> Array:
+    """Return the cross products of vectors in the plane."""
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

@@ -1,8 +1,8 @@
-"""Scenes made worse in one respect at a time: what cameras, stages and callers get wrong.
+"""Perturbations of a scene's input in one respect: errors of cameras, stages and callers.
 
-Each kind has strengths in ascending order of harm. What is perturbed is what the caller gives: images, poses,
-intrinsics, masks, radius, number and length of ropes. The truth stays in the world frame, so that poses or
-depths that are all wrong alike make the answer wrong: a gripper would close beside the rope.
+Each kind has strengths in ascending order of harm. A perturbation changes images, poses, intrinsics, masks,
+radius, number or length of ropes. The truth stays in the world frame. If all poses or depths have the same
+error, the answer is wrong: a gripper would close beside the rope.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from strand.synthetic import SyntheticScene, render_depth
 from strand.synthetic.fields import dilate, draw_field
 from strand.views.pose import make_rotation
 
-FOREIGN = 500  # added to a scene's seed: the scene that a foreign view is of
+FOREIGN = 500  # added to a seed: the scene of foreign views
 
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """What a caller gives `strand.reconstruct`.
+    """Input of `strand.reconstruct`.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Given:
     radius : float
         Metres.
     scene : SyntheticScene
-        What is seen.
+        The scene in the images.
     other : callable
         Makes another scene with as many views.
     ropes : int, optional
@@ -58,13 +58,13 @@ class Given:
 
     @classmethod
     def of(cls, scene: SyntheticScene, other: Callable[[], SyntheticScene]) -> Given:
-        """Return what is right."""
+        """Return the right input of a scene."""
         masks = None if scene.mask is None else list(scene.mask)
         depth = list(scene.depth * scene.depth_scale)
         return cls(depth, list(scene.poses), scene.intrinsics, masks, scene.radius, scene, other)
 
-    def reconstructed(self) -> strand.Model:
-        """Return the answer."""
+    def reconstruct(self) -> strand.Model:
+        """Reconstruct the scene."""
         masks = self.masks or [None] * len(self.depth)
         views = [
             strand.View.from_depth(image, self.intrinsics, pose, mask=mask)
@@ -72,8 +72,8 @@ class Given:
         ]
         return strand.reconstruct(views, self.radius, self.scene.bounds, ropes=self.ropes, length=self.length)
 
-    def images(self, change: Callable[[Array], Array]) -> Given:
-        """Change each depth image; pixels without a return stay so."""
+    def change_images(self, change: Callable[[Array], Array]) -> Given:
+        """Change each depth image, but for pixels without a return."""
         return replace(self, depth=[np.where(z > 0, change(z), 0.0) for z in self.depth])
 
 
@@ -82,15 +82,15 @@ Change = Callable[[Given, float, np.random.Generator], Given]
 
 @dataclass(frozen=True)
 class Kind:
-    """A way to make scenes worse.
+    """A kind of perturbation.
 
     Attributes
     ----------
     change : callable
-        Of what is given, a strength and a source of chance.
+        Takes input, a strength and a random generator; returns perturbed input.
     strengths : tuple of float
     unit : str
-        Of the strengths.
+        The strengths' unit.
     masked : bool
         Whether it needs views with masks.
     """
@@ -102,22 +102,23 @@ class Kind:
 
 
 _UP = np.array([0.0, 0.0, 1.0])
+PIXEL_ROPE = 1e-6  # metres: a rope too thin for any pixel, to render the table alone
 
 
 def _draw_direction(rng: np.random.Generator) -> Array:
-    """A direction in the table's plane: others move the table into the bounds, or the ropes out of them."""
+    """Draw a direction in the table's plane, so that table and ropes stay on their side of the bounds."""
     angle = rng.uniform(0.0, 2.0 * math.pi)
     return np.array([math.cos(angle), math.sin(angle), 0.0])
 
 
 def _draw_half(given: Given, rng: np.random.Generator) -> set[int]:
-    """Half of the views, at random; of an odd number one less or one more."""
+    """Draw half of the views; with an odd number one more or one less."""
     count = len(given.poses)
     return set(rng.permutation(count)[: (count + int(rng.integers(2))) // 2 or 1].tolist())
 
 
 def _turn(pose: Array, axis: Array, angle: float, own: bool) -> Array:
-    """Turn a pose about the camera's centre, or about the world's origin."""
+    """Turn a pose about the camera's centre or the world's origin."""
     motion = np.eye(4)
     motion[:3, :3] = make_rotation(axis, angle)
     if own:
@@ -148,18 +149,18 @@ def shift_all(given: Given, strength: float, rng: np.random.Generator) -> Given:
 
 
 def _draw_sign(given: Given, rng: np.random.Generator) -> float:
-    """Either sign; of views without masks only that which does not raise the table into the bounds."""
+    """Draw a sign; without masks only the one that does not raise the table into the bounds."""
     return 1.0 if given.masks is None else float(rng.choice([-1.0, 1.0]))
 
 
 def add_depth_bias(given: Given, strength: float, rng: np.random.Generator) -> Given:
     by = strength * _draw_sign(given, rng)
-    return given.images(lambda z: z + by)
+    return given.change_images(lambda z: z + by)
 
 
 def scale_depth(given: Given, strength: float, rng: np.random.Generator) -> Given:
     factor = 1.0 + strength * _draw_sign(given, rng)
-    return given.images(lambda z: z * factor)
+    return given.change_images(lambda z: z * factor)
 
 
 def change_focal_length(given: Given, strength: float, rng: np.random.Generator) -> Given:
@@ -230,23 +231,23 @@ def corrupt_pixels(given: Given, strength: float, rng: np.random.Generator) -> G
         wild = np.median(z[z > 0]) * rng.uniform(0.5, 1.5, z.shape)
         return np.where(rng.random(z.shape) < strength, wild, z)
 
-    return given.images(change)
+    return given.change_images(change)
 
 
 def quantize(given: Given, strength: float, rng: np.random.Generator) -> Given:
-    return given.images(lambda z: np.rint(z / strength) * strength)
+    return given.change_images(lambda z: np.rint(z / strength) * strength)
 
 
 def add_correlated_noise(smoothness: float) -> Change:
     def change(given: Given, strength: float, rng: np.random.Generator) -> Given:
         sd = strength * given.scene.radius
-        return given.images(lambda z: z + sd * draw_field(z.shape, smoothness, rng))
+        return given.change_images(lambda z: z + sd * draw_field(z.shape, smoothness, rng))
 
     return change
 
 
 def add_flying_pixels(given: Given, strength: float, rng: np.random.Generator) -> Given:
-    """Pixels next to a step get a depth between the two sides."""
+    """Give pixels next to a step a depth between the two sides."""
     step = given.scene.radius
 
     def change(z: Array) -> Array:
@@ -258,11 +259,11 @@ def add_flying_pixels(given: Given, strength: float, rng: np.random.Generator) -
         flies = (np.abs(gap) > step) & (rng.random(z.shape) < strength)
         return z + np.where(flies, rng.random(z.shape) * gap, 0.0)
 
-    return given.images(change)
+    return given.change_images(change)
 
 
 def lose_pixels(given: Given, strength: float, rng: np.random.Generator) -> Given:
-    return given.images(lambda z: np.where(rng.random(z.shape) < strength, 0.0, z))
+    return given.change_images(lambda z: np.where(rng.random(z.shape) < strength, 0.0, z))
 
 
 def grow_masks(given: Given, strength: float, rng: np.random.Generator) -> Given:
@@ -274,12 +275,12 @@ def grow_masks(given: Given, strength: float, rng: np.random.Generator) -> Given
 
 
 def put_table_at_ends(given: Given, strength: float, rng: np.random.Generator) -> Given:
-    """Discs of the images about the ropes' ends are as deep as the table."""
+    """Give discs of the images about the ropes' ends the depth of the table."""
     scene = given.scene
     ends = np.array([nodes[i] for nodes in scene.truth for i in (0, -1)])
     camera, depth = scene.intrinsics, []
     for image, pose in zip(given.depth, scene.poses_true, strict=True):
-        table = render_depth([scene.truth[0]], 1e-6, camera, pose, image.shape[::-1])
+        table = render_depth([scene.truth[0]], PIXEL_ROPE, camera, pose, image.shape[::-1])
         rows, columns = np.indices(image.shape)
         changed = image.copy()
         for end in (ends - pose[:3, 3]) @ pose[:3, :3]:
@@ -294,8 +295,9 @@ def change_nothing(given: Given, strength: float, rng: np.random.Generator) -> G
     return given
 
 
-_SHARES = (0.01, 0.02, 0.05)
+_SHARES = (0.01, 0.02, 0.05)  # strengths: shares of a quantity
 
+# all kinds by name
 KINDS = {
     "nothing": Kind(change_nothing, (0.0,)),
     "nothing, masks": Kind(change_nothing, (0.0,), masked=True),
@@ -328,4 +330,3 @@ KINDS = {
     "table at the ends": Kind(put_table_at_ends, (5e-3, 10e-3, 15e-3), "m"),
     "table at the ends, masks": Kind(put_table_at_ends, (5e-3, 15e-3), "m", masked=True),
 }
-"""What can be wrong, by name."""

@@ -1,4 +1,4 @@
-"""Pictures of scenes: what a camera saw, the mask, the truth and the answer; curves over how bad they are."""
+"""Pictures of scenes: the depth image, the mask, the truth and the answer; curves over strengths."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from matplotlib.figure import Figure
 
 from strand.synthetic import SyntheticScene
 
-SURE = 0.9  # a confidence from which on an answer is said to be sure
+SURE = 0.9  # confidence from which on an answer is sure
 MARGIN = 15  # pixels around the ropes
-TRUTH, MASK, ANSWERS = "#ffffff", "#e45756", ("#222222", "#f58518", "#b279a2", "#54a24b", "#9d755d")
+TRUTH = "#ffffff"
+MASK = "#e45756"
+ANSWERS = ("#222222", "#f58518", "#b279a2", "#54a24b", "#9d755d")  # colours of chains
 
 
 def draw_scene(synthetic: SyntheticScene, chains: Sequence[np.ndarray], path: Path) -> None:
@@ -44,7 +46,7 @@ def draw_scene(synthetic: SyntheticScene, chains: Sequence[np.ndarray], path: Pa
         axis.set_xlim(ends[:, 0].min() - MARGIN, ends[:, 0].max() + MARGIN)
         axis.set_ylim(ends[:, 1].max() + MARGIN, ends[:, 1].min() - MARGIN)
     above = axes[-1]
-    # a rope that hangs is seen from the camera's side, in the two directions in which it extends
+    # a hanging rope is drawn in the two directions in which it extends
     spans = np.ptp(np.concatenate(synthetic.truth), axis=0)
     first, second = sorted(np.argsort(spans)[1:])
     for nodes in synthetic.truth:
@@ -58,7 +60,7 @@ def draw_scene(synthetic: SyntheticScene, chains: Sequence[np.ndarray], path: Pa
 
 
 def project(nodes: np.ndarray, intrinsics: np.ndarray, pose: np.ndarray) -> np.ndarray:
-    """(N, 2) Columns and rows at which a camera sees nodes of the world."""
+    """Return (N, 2) the columns and rows at which a camera sees nodes of the world."""
     seen = (nodes - pose[:3, 3]) @ pose[:3, :3] @ intrinsics.T
     return seen[:, :2] / seen[:, 2:]
 
@@ -69,7 +71,7 @@ def draw_severity(
     said: Callable[[Any, float], str],
     path: Path,
 ) -> None:
-    """Draw how many runs are right, sure, and sure and wrong, for each kind over its strengths."""
+    """Draw the shares of runs that are right, sure, and sure and wrong, for each kind over its strengths."""
     shown = [name for name in kinds if any(r["kind"] == name for r in records)]
     rows = -(-len(shown) // 6)
     figure = Figure(figsize=(16, 2.3 * rows), layout="constrained")

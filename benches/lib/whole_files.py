@@ -1,4 +1,4 @@
-"""Whole small files of every kind that strand reads, with something of all that they may hold."""
+"""Whole small files of every kind that strand reads, with all that they may hold."""
 
 from __future__ import annotations
 
@@ -59,14 +59,14 @@ correlation = 1.5
 
 
 def make_npy(array: np.ndarray) -> bytes:
-    """An NPY file."""
+    """Return an NPY file."""
     out = io.BytesIO()
     np.lib.format.write_array(out, array)
     return out.getvalue()
 
 
 def make_ply(encoding: str, number: str, more: str = "", tail: bytes = b"") -> bytes:
-    """A PLY file with the points."""
+    """Return a PLY file with the points."""
     kind = {"float": "f4", "double": "f8"}[number]
     header = f"ply\nformat {encoding} 1.0\ncomment made\nelement vertex {len(POINTS)}\n"
     header += "".join(f"property {number} {axis}\n" for axis in "xyz") + more + "end_header\n"
@@ -80,7 +80,7 @@ def make_ply(encoding: str, number: str, more: str = "", tail: bytes = b"") -> b
 
 
 def compress_lzf(data: bytes) -> bytes:
-    """Bytes compressed by LZF: the longest copies of what three bytes in a row last stood before."""
+    """Compress bytes by LZF: copies start where the same three bytes stood last."""
     out, last, at, start = bytearray(), {}, 0, 0
 
     def literally(end: int) -> None:
@@ -114,7 +114,7 @@ def make_pcd(
     color_type: str = "U",
     padded: bool = False,
 ) -> bytes:
-    """A PCD file of points (N, 3), with colours (N, 3) of uint8; padded: other fields between, z first."""
+    """Return a PCD file of points (N, 3), with colours (N, 3) of uint8; padded: z first, and other fields."""
     size = points.dtype.itemsize
     fields = [(axis, f"F {size} 1", f"<f{size}", points[:, i]) for i, axis in enumerate("xyz")]
     if colors is not None:
@@ -159,21 +159,21 @@ def make_pcd(
 
 
 def make_image(array: np.ndarray, kind: str = "PNG") -> bytes:
-    """An image file."""
+    """Return an image file."""
     out = io.BytesIO()
     Image.fromarray(array).save(out, kind)
     return out.getvalue()
 
 
 def make_deflated_tiff(array: np.ndarray) -> bytes:
-    """A TIFF file with compressed strips."""
+    """Return a TIFF file with compressed strips."""
     out = io.BytesIO()
     Image.fromarray(array).save(out, "TIFF", compression="tiff_adobe_deflate")
     return out.getvalue()
 
 
 def make_archive(save: Callable[..., None], **more: np.ndarray) -> bytes:
-    """A scene's archive."""
+    """Return a scene's archive."""
     out = io.BytesIO()
     poses = np.stack([np.eye(4), strand.pose_from_angles(0.1, 0.2, 0.3, np.array([0.1, 0.2, 0.3]))])
     arrays = {"depth": np.stack([DEPTH, DEPTH[::-1]]), "depth_scale": np.float64(0.001), "poses": poses}
@@ -183,7 +183,7 @@ def make_archive(save: Callable[..., None], **more: np.ndarray) -> bytes:
 
 
 def make_model() -> bytes:
-    """A model with one of everything."""
+    """Return the JSON of a model with one of everything."""
     nodes = np.column_stack([np.linspace(0, 0.1, 4), np.zeros(4), np.zeros(4)])
     control = np.column_stack([np.linspace(-0.02, 0.12, 7), np.zeros(7), np.zeros(7)])
     chain = Chain(

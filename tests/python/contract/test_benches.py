@@ -248,6 +248,6 @@ def test_ropes_that_hang_cross_as_seen_across_their_layer():
         chains=hung, views=1, layout=strand.synthetic.Layout(wall=0.5), mask=strand.synthetic.Segmentation()
     )
     for made in (lying, hanging):
-        found, chains = judging.judge_scene(made, tell_radius=True, tell_ropes=True)
+        found, chains = judging.judge_scene(made, give_radius=True, give_ropes=True)
         assert chains
         assert found.crossings.true == 2

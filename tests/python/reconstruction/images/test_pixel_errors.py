@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import strand
-from limits import Truth, compute_calibration
+from lib.calibration import Truth, compute_calibration
 from strand.reconstruction.images.pixel_errors import Errors, _average_over_discs, convert_sensor
 from strand.reconstruction.images.prepare import prepare_images
 from strand.synthetic import Camera, Layout, Segmentation, scene

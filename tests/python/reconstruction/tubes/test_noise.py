@@ -7,7 +7,7 @@ import pytest
 
 import strand
 from deviations import make_scene
-from limits import Truth, compute_calibration
+from lib.calibration import Truth, compute_calibration
 from strand.config import Tubes
 from strand.reconstruction.tubes.noise import count_shared_points, find_correlation_length
 
