@@ -122,25 +122,27 @@ class _ShortReads:
 def _read_array(path: Path, place: str | None, file: IO[bytes], size: int, budget: Budget) -> NDArray[Any]:
     """Read the array at the start of `size` bytes; leave the rest unread."""
 
-    def damaged(reason: str) -> FileFormatError:
+    def make_error(reason: str) -> FileFormatError:
         return FileFormatError(path, reason, place)
 
     start = file.read(8)
     if len(start) < 8 or start[:6] != b"\x93NUMPY" or start[6] not in (1, 2, 3):
-        raise damaged("truncated, or not an .npy file")
+        raise make_error("truncated, or not an .npy file")
     field = file.read(2 if start[6] == 1 else 4)
     length = int.from_bytes(field, "little")
     if length > MAX_HEADER:
-        raise damaged(f"expected an .npy header of up to {MAX_HEADER} bytes, got {length}")
+        raise make_error(f"expected an .npy header of up to {MAX_HEADER} bytes, got {length}")
     header = file.read(length)
     if len(field) < 2 or len(header) < max(length, 1):
-        raise damaged("truncated in the .npy header")
-    kind, fortran, shape = _parse_header(header, damaged)
+        raise make_error("truncated in the .npy header")
+    kind, fortran, shape = _parse_header(header, make_error)
     count = prod(shape)
     expected = count * kind.itemsize
     held = size - 8 - len(field) - length
     if expected > held or max(shape, default=0) > budget.max_bytes:
-        raise damaged(f"truncated: {shape} {kind} takes {expected} bytes, but {held} follow the .npy header")
+        raise make_error(
+            f"truncated: {shape} {kind} takes {expected} bytes, but {held} follow the .npy header"
+        )
     budget.take(path, expected, place)
     flat = np.empty(count, dtype=kind)
     view = memoryview(flat.view(np.uint8).data) if expected else memoryview(b"")
@@ -148,16 +150,16 @@ def _read_array(path: Path, place: str | None, file: IO[bytes], size: int, budge
     while done < expected:
         block = file.read(min(_BLOCK, expected - done))
         if not block:
-            raise damaged(f"truncated: {done} of {expected} bytes")
+            raise make_error(f"truncated: {done} of {expected} bytes")
         view[done : done + len(block)] = block
         done += len(block)
     try:
         return flat.reshape(shape, order="F" if fortran else "C")
     except ValueError as error:  # more dimensions than NumPy supports
-        raise damaged(f"shape: {error}") from error
+        raise make_error(f"shape: {error}") from error
 
 
-def _parse_header(header: bytes, damaged: Any) -> tuple[np.dtype[Any], bool, tuple[int, ...]]:
+def _parse_header(header: bytes, make_error: Any) -> tuple[np.dtype[Any], bool, tuple[int, ...]]:
     """Return the type, whether the order is Fortran's, and the shape, from an NPY header."""
     text = header.decode("latin-1").strip()
     found, at = {}, 1
@@ -165,17 +167,17 @@ def _parse_header(header: bytes, damaged: Any) -> tuple[np.dtype[Any], bool, tup
         found[match[2]], at = match, match.end()
     whole = text[:1] == "{" and text[at:].strip() == "}" and len(found) == 3
     if not whole or not (found["descr"]["type"] and found["fortran_order"]["order"]):
-        raise damaged("not an .npy header of an array of plain numbers or text")
+        raise make_error("not an .npy header of an array of plain numbers or text")
     shape = found["shape"]["shape"]
     if shape is None or not re.fullmatch(r"\s*(?:\d{1,18}L?\s*(?:,\s*|$))*", shape):
-        raise damaged("not an .npy header: expected a shape of whole numbers")
+        raise make_error("not an .npy header: expected a shape of whole numbers")
     described = found["descr"]["type"][1:-1]
     if "O" in described:
-        raise damaged("holds Python objects (pickles), which strand does not read")
+        raise make_error("holds Python objects (pickles), which strand does not read")
     try:
         kind = np.dtype(described) if _TYPE.fullmatch(described) else None
     except (TypeError, ValueError):
         kind = None
     if kind is None:
-        raise damaged(f"expected a plain type such as '<f4', got {described!r}")
+        raise make_error(f"expected a plain type such as '<f4', got {described!r}")
     return kind, found["fortran_order"]["order"] == "True", tuple(int(n) for n in re.findall(r"\d+", shape))

@@ -15,7 +15,7 @@ from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.reconstruction.stages import Run
 from strand.ropes.doubt import Doubt, ModelWarning
 from strand.support.checks import Array
-from strand.support.robust import robust_deviation
+from strand.support.robust import estimate_deviation
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
 from strand.views.extract import Extract
@@ -229,7 +229,7 @@ def _judge_mask(image: DepthImage, bounds: Box | None, radii: Array) -> tuple[st
     height = float(np.median(heights)) / radii[0]
     if height >= _MIN_HEIGHT:
         return None, False
-    scatter = robust_deviation(heights / radii[0] - height)
+    scatter = estimate_deviation(heights / radii[0] - height)
     low = float(np.mean(heights < _LOW * radii[0]))
     reason = (
         f"what is inside its mask stands {height:.1f} radii before what is around it, as no rope does; "

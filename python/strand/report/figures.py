@@ -11,6 +11,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from strand.report.drawing import (
+    FONT_SIZE,
+    GRAY,
+    INK,
+    LEFT,
+    MAX_NAMES,
+    MAX_POINTS,
+    RIGHT,
+    WIDTH,
+    Plan,
+    make_dot,
+    make_drawing,
+    make_figure,
+    make_line_entries,
+    make_panel,
+    make_stroke,
+)
 from strand.report.drawn_chains import (
     close_path,
     color_paths,
@@ -24,23 +41,6 @@ from strand.report.published_figures import (
     draw_normals,
     draw_segments,
     draw_separation,
-)
-from strand.report.sheet import (
-    FONT_SIZE,
-    GRAY,
-    INK,
-    LEFT,
-    MAX_NAMES,
-    MAX_POINTS,
-    RIGHT,
-    WIDTH,
-    Plan,
-    make_dot,
-    make_figure,
-    make_line_entries,
-    make_panel,
-    make_sheet,
-    make_stroke,
 )
 from strand.report.tables import find_branch
 from strand.ropes.chain import Chain
@@ -141,12 +141,12 @@ def plot_over_points(model: Model, points: ArrayLike, path: str | os.PathLike[st
     cloud = np.asarray(points, dtype=np.float64)
     names = [f"chain {i}: {chain.length * 1e3:.0f} mm" for i, chain in enumerate(model.chains)]
     entries = [make_dot("points", GRAY), *make_line_entries(names)]
-    sheet = make_sheet(model, cloud, "Chains over the points", entries, elevation=False)
-    sheet.draw_points(cloud, GRAY, size=2.0)
+    drawing = make_drawing(model, cloud, "Chains over the points", entries, elevation=False)
+    drawing.draw_points(cloud, GRAY, size=2.0)
     paths = [close_path(chain) for chain in model.chains]
-    sheet.draw_lines(color_paths(paths), width=2.6)
-    sheet.draw_markers(find_rope_ends(model), "o", PALETTE[3])
-    _write(sheet.figure, Path(path))
+    drawing.draw_lines(color_paths(paths), width=2.6)
+    drawing.draw_markers(find_rope_ends(model), "o", PALETTE[3])
+    _write(drawing.figure, Path(path))
 
 
 def draw_raw(model: Model) -> Figure:
@@ -190,25 +190,25 @@ def draw_ropes(model: Model, truth: Sequence[Array] = ()) -> Figure:
         legend.append(
             import_extra("matplotlib.lines").Line2D([], [], color=INK, lw=0.9, ls="--", label="truth")
         )
-    sheet = make_sheet(model, cloud, title, legend, bar=True)
-    sheet.draw_points(cloud, GRAY)
+    drawing = make_drawing(model, cloud, title, legend, bar=True)
+    drawing.draw_points(cloud, GRAY)
     longest = max((chain.length for chain in model.chains), default=0.0)
-    colors = sheet.draw_color_bar(0.0, max(1e3 * longest, 1e-9), "cool", "arc length / mm")
+    colors = drawing.draw_color_bar(0.0, max(1e3 * longest, 1e-9), "cool", "arc length / mm")
     lines = []
     for chain in model.chains:
         path = close_path(chain)
         steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
         lines.append((path, colors(1e3 * (np.cumsum(steps) - steps / 2))))
-    sheet.draw_lines(lines, width=3.0)
-    sheet.draw_markers(bridged, "o", "white", size=2.5)
+    drawing.draw_lines(lines, width=3.0)
+    drawing.draw_markers(bridged, "o", "white", size=2.5)
     for line in truth:
-        where = sheet.plan.to_millimeters(line)
-        for axes, across, up, _ in sheet.panels:
+        where = drawing.plan.to_millimeters(line)
+        for axes, across, up, _ in drawing.panels:
             axes.plot(where[:, across], where[:, up], color=INK, lw=0.9, ls="--", zorder=4)
-    sheet.draw_markers(find_rope_ends(model), "o", PALETTE[3])
-    sheet.draw_markers(crossed, "o", "none", size=16.0)
-    sheet.draw_markers(unsure, _DOUBT_MARKER, _DOUBT_COLOR)
-    return sheet.figure
+    drawing.draw_markers(find_rope_ends(model), "o", PALETTE[3])
+    drawing.draw_markers(crossed, "o", "none", size=16.0)
+    drawing.draw_markers(unsure, _DOUBT_MARKER, _DOUBT_COLOR)
+    return drawing.figure
 
 
 def draw_cameras(model: Model) -> Figure:
@@ -240,27 +240,27 @@ def draw_cameras(model: Model) -> Figure:
         legend.append(_make_doubt_entry())
     title = f"{count} {'camera' if count == 1 else 'cameras'}, "
     title += f"{len(lines)} {'chain' if len(lines) == 1 else 'chains'}"
-    sheet = make_sheet(model, np.vstack([nodes, centers, tips, advised]), title, legend)
-    sheet.draw_lines([(line, INK) for line in lines], width=1.4)
-    sheet.draw_lines(
+    drawing = make_drawing(model, np.vstack([nodes, centers, tips, advised]), title, legend)
+    drawing.draw_lines([(line, INK) for line in lines], width=1.4)
+    drawing.draw_lines(
         [(np.stack(ray), PALETTE[0]) for ray in zip(centers[looking], tips, strict=True)], width=1.2
     )
-    sheet.draw_markers(centers, "o", PALETTE[0])
-    sheet.draw_markers(advised, "D", PALETTE[2])
-    sheet.draw_markers(unsure, _DOUBT_MARKER, _DOUBT_COLOR)
-    return sheet.figure
+    drawing.draw_markers(centers, "o", PALETTE[0])
+    drawing.draw_markers(advised, "D", PALETTE[2])
+    drawing.draw_markers(unsure, _DOUBT_MARKER, _DOUBT_COLOR)
+    return drawing.figure
 
 
 def draw_arcs(model: Model) -> Figure:
     """Draw the observed arcs and their ends before they are linked."""
     parts, cloud = model.stages["arcs"], np.vstack(model.stages["registered"])
     legend = [make_dot("arc's end", "white", edge=INK), make_dot("registered points", GRAY)]
-    sheet = make_sheet(model, cloud, f"{len(parts)} {'arc' if len(parts) == 1 else 'arcs'} seen", legend)
-    sheet.draw_points(cloud, GRAY)
-    sheet.draw_lines(color_paths(parts))
-    sheet.draw_markers(find_ends(parts), "o", "white")
-    sheet.draw_numbers(parts)
-    return sheet.figure
+    drawing = make_drawing(model, cloud, f"{len(parts)} {'arc' if len(parts) == 1 else 'arcs'} seen", legend)
+    drawing.draw_points(cloud, GRAY)
+    drawing.draw_lines(color_paths(parts))
+    drawing.draw_markers(find_ends(parts), "o", "white")
+    drawing.draw_numbers(parts)
+    return drawing.figure
 
 
 def draw_residuals(model: Model) -> Figure:
@@ -272,18 +272,18 @@ def draw_residuals(model: Model) -> Figure:
     share = 100.0 * float(np.mean(fit.explained))
     title = f"Residuals: sd {fit.sigma * 1e3:.2f} mm, {share:.1f} % of {len(fit.points):,} points explained"
     legend = [] if fit.explained.all() else [make_dot("point that no tube explains", INK)]
-    sheet = make_sheet(model, fit.points, title, legend, bar=True, elevation=False)
+    drawing = make_drawing(model, fit.points, title, legend, bar=True, elevation=False)
     limit = max(3e3 * fit.sigma, 1e-6)
-    colors = sheet.draw_color_bar(-limit, limit, "coolwarm", "residual / mm (above 0: outside)")
+    colors = drawing.draw_color_bar(-limit, limit, "coolwarm", "residual / mm (above 0: outside)")
     explained = np.flatnonzero(fit.explained)
     # in random order: in order of depth, points with positive noise would cover the others
     some = np.random.default_rng(0).permutation(explained)[:MAX_POINTS]
-    axes, across, up, _ = sheet.panels[0]
-    where = sheet.plan.to_millimeters(fit.points[some])
+    axes, across, up, _ = drawing.panels[0]
+    where = drawing.plan.to_millimeters(fit.points[some])
     each = colors(1e3 * fit.residual[some])
     axes.scatter(where[:, across], where[:, up], s=4.0, c=each, linewidths=0, antialiaseds=False)
-    sheet.draw_points(fit.points[~fit.explained], INK, size=4.0)
-    return sheet.figure
+    drawing.draw_points(fit.points[~fit.explained], INK, size=4.0)
+    return drawing.figure
 
 
 def draw_uncertainty(model: Model) -> Figure:
@@ -343,9 +343,9 @@ def _draw_by_view(model: Model, clouds: Sequence[Array], title: str) -> Figure:
     legend = [make_dot(f"view {i}", color) for i, color in enumerate(colors[: 2 * MAX_NAMES])]
     if len(clouds) > len(legend):
         legend.append(make_dot(f"and {len(clouds) - len(legend)} more", "none"))
-    sheet = make_sheet(model, points, f"{title}: {len(points):,}", legend)
-    sheet.draw_points(points, colors[view])
-    return sheet.figure
+    drawing = make_drawing(model, points, f"{title}: {len(points):,}", legend)
+    drawing.draw_points(points, colors[view])
+    return drawing.figure
 
 
 def _find_doubts(model: Model) -> Array:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from strand.geometry.polyline import find_runs
 from strand.report.cameras import Camera
+from strand.report.drawing import pick_spread
 from strand.report.drawn_chains import close_path, pick_color
-from strand.report.sheet import pick_spread
 from strand.ropes.chain import Chain
 from strand.ropes.model import Model
 from strand.support.checks import Array

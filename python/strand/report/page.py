@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike
 
 import strand._core as _core
 from strand.report.cameras import Camera, find_seen_side, make_cameras
+from strand.report.drawing import pick_spread
 from strand.report.drawn_chains import compute_deviations
 from strand.report.overlay import MAX_CHAINS, draw_overlay
-from strand.report.sheet import pick_spread
 from strand.report.space_figure import make_space_figure
 from strand.report.tables import count_stages
 from strand.ropes.crossings import list_crossings
@@ -123,17 +123,17 @@ def place_points(model: Model, views: Sequence[View]) -> list[Array]:
 def _summarize(model: Model) -> str:
     count = len(model.chains)
     lengths = ", ".join(f"{chain.length * 1e3:.0f} mm" for chain in model.chains[:_MAX_LENGTHS])
-    said = [f"{count} {'chain' if count == 1 else 'chains'}"]
+    parts = [f"{count} {'chain' if count == 1 else 'chains'}"]
     if count:
-        said[0] += f" ({lengths}{', …' if count > _MAX_LENGTHS else ''})"
+        parts[0] += f" ({lengths}{', …' if count > _MAX_LENGTHS else ''})"
     unknown = np.isnan(model.confidence)
-    said.append("confidence not known" if unknown else f"confidence {model.confidence:.2f}")
-    said.append(_count(len(model.doubts), "doubt"))
-    said.append(_count(len(model.warnings), "warning"))
+    parts.append("confidence not known" if unknown else f"confidence {model.confidence:.2f}")
+    parts.append(_count(len(model.doubts), "doubt"))
+    parts.append(_count(len(model.warnings), "warning"))
     if model.alternatives:
-        said.append(f"{_count(len(model.alternatives), 'other way')} to join the segments fitted too")
-    said.append(f"method {model.method or 'not known'}")
-    return "; ".join(said) + "."
+        parts.append(f"{_count(len(model.alternatives), 'other way')} to join the segments fitted too")
+    parts.append(f"method {model.method or 'not known'}")
+    return "; ".join(parts) + "."
 
 
 def _count(count: int, what: str) -> str:
@@ -227,14 +227,14 @@ def _tabulate_crossings(model: Model) -> str:
 
 def _tabulate_doubts(model: Model) -> str:
     """Return the table of doubts, the heaviest first, and of warnings without a doubt."""
-    said = {str(doubt) for doubt in model.doubts}
+    doubted = {str(doubt) for doubt in model.doubts}
     rows = [
         ("doubt", doubt.kind, f"{doubt.amount:.3f}", f"unsure {doubt.about}: {doubt.reason}", doubt.place)
         for doubt in sorted(model.doubts, key=lambda doubt: -doubt.amount)
     ] + [
         ("warning", warning.kind, "", warning.message, warning.place)
         for warning in sorted(model.warnings, key=lambda warning: -(warning.amount or 0.0))
-        if warning.message not in said
+        if warning.message not in doubted
     ]
     if not rows:
         return "<p>None.</p>"

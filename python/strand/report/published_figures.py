@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand.report.drawn_chains import color_paths, find_ends, find_rope_ends, pick_color
-from strand.report.sheet import (
+from strand.report.drawing import (
     DIMENSION,
     FONT_SIZE,
     GRAY,
@@ -19,13 +18,14 @@ from strand.report.sheet import (
     RIGHT,
     WIDTH,
     make_dot,
+    make_drawing,
     make_figure,
     make_line_entries,
     make_panel,
-    make_sheet,
     make_stroke,
     pick_spread,
 )
+from strand.report.drawn_chains import color_paths, find_ends, find_rope_ends, pick_color
 from strand.ropes.model import Model
 from strand.ropes.notebook import PALETTE
 from strand.support.checks import Array
@@ -47,30 +47,30 @@ def draw_normals(model: Model) -> Figure:
     key["towards the reader"] = (0, 0)
     key_colors = _color_directions(np.array(list(key.values())))
     legend = [make_stroke(name, color) for name, color in zip(key, key_colors, strict=True)]
-    sheet = make_sheet(model, points, f"Normals at {len(points):,} points", legend)
-    sheet.draw_points(points[pick_spread(len(points), MAX_POINTS // 3)], GRAY, size=1.0)
+    drawing = make_drawing(model, points, f"Normals at {len(points):,} points", legend)
+    drawing.draw_points(points[pick_spread(len(points), MAX_POINTS // 3)], GRAY, size=1.0)
     reach = _NORMAL_LENGTH * float(np.ptp(points, axis=0).max())
     some = pick_spread(len(points), _MAX_NORMALS)
     collections = import_extra("matplotlib.collections")
-    for axes, across, up, depth in sheet.panels:
+    for axes, across, up, depth in drawing.panels:
         order = some[np.argsort(depth(points[some]), kind="stable")]
-        feet = sheet.plan.to_millimeters(points[order])
-        tips = sheet.plan.to_millimeters(points[order] + reach * vectors[order])
+        feet = drawing.plan.to_millimeters(points[order])
+        tips = drawing.plan.to_millimeters(points[order] + reach * vectors[order])
         pieces = np.stack([feet, tips], axis=1)[:, :, [across, up]]
-        flat = sheet.plan.to_millimeters(vectors[order])[:, :2]
-        each = _color_directions(flat * sheet.plan.signs[:2] / 1e3)
+        flat = drawing.plan.to_millimeters(vectors[order])[:, :2]
+        each = _color_directions(flat * drawing.plan.signs[:2] / 1e3)
         axes.add_collection(collections.LineCollection(list(pieces), colors=each, linewidths=0.9))
-    return sheet.figure
+    return drawing.figure
 
 
 def draw_axis_points(model: Model) -> Figure:
     """Draw the averaged axis points, which are points moved inwards by the radius (fig. 6 e)."""
     points = model.stages["axis_points"]
-    sheet = make_sheet(model, points, f"{len(points):,} axis points", bar=True)
-    height = sheet.plan.to_millimeters(points)[:, 2]
-    colors = sheet.draw_color_bar(height.min(), height.max(), "viridis", sheet.plan.name_axis(2))
-    sheet.draw_points(points, colors(height), size=2.0)
-    return sheet.figure
+    drawing = make_drawing(model, points, f"{len(points):,} axis points", bar=True)
+    height = drawing.plan.to_millimeters(points)[:, 2]
+    colors = drawing.draw_color_bar(height.min(), height.max(), "viridis", drawing.plan.name_axis(2))
+    drawing.draw_points(points, colors(height), size=2.0)
+    return drawing.figure
 
 
 def draw_chains(model: Model) -> Figure:
@@ -78,12 +78,12 @@ def draw_chains(model: Model) -> Figure:
     traced, cloud = model.stages["traced"], model.stages["axis_points"]
     names = [f"chain {i}: {len(chain)} nodes" for i, chain in enumerate(traced)]
     title = f"{len(traced)} {'chain' if len(traced) == 1 else 'chains'} traced"
-    sheet = make_sheet(model, cloud, title, make_line_entries(names))
-    sheet.draw_points(cloud, GRAY)
-    sheet.draw_lines(color_paths(traced))
+    drawing = make_drawing(model, cloud, title, make_line_entries(names))
+    drawing.draw_points(cloud, GRAY)
+    drawing.draw_lines(color_paths(traced))
     for i, chain in enumerate(traced):
-        sheet.draw_markers(chain, "o", pick_color(i), size=3.5)
-    return sheet.figure
+        drawing.draw_markers(chain, "o", pick_color(i), size=3.5)
+    return drawing.figure
 
 
 def draw_separation(model: Model) -> Figure:
@@ -129,16 +129,16 @@ def draw_segments(model: Model) -> Figure:
         make_dot("segment's end", "white", edge=INK),
         make_dot("axis points", GRAY),
     ]
-    sheet = make_sheet(model, cloud, title, legend)
-    sheet.draw_points(cloud, GRAY)
-    sheet.draw_lines(color_paths(parts))
+    drawing = make_drawing(model, cloud, title, legend)
+    drawing.draw_points(cloud, GRAY)
+    drawing.draw_lines(color_paths(parts))
     ends = find_ends(parts)
-    sheet.draw_markers(ends, "o", "white")
+    drawing.draw_markers(ends, "o", "white")
     # the chain may extend a little beyond its last segment: mark the nearest end
     last = [np.linalg.norm(ends - end, axis=1).argmin() for end in find_rope_ends(model)]
-    sheet.draw_markers(ends[np.array(last, dtype=np.intp)], "o", PALETTE[3])
-    sheet.draw_numbers(parts)
-    return sheet.figure
+    drawing.draw_markers(ends[np.array(last, dtype=np.intp)], "o", PALETTE[3])
+    drawing.draw_numbers(parts)
+    return drawing.figure
 
 
 def _color_directions(directions: ArrayLike) -> Array:

@@ -126,8 +126,8 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
     for i, chain in enumerate(model.chains):
         path = close_path(chain)
         color = tuple(bytes.fromhex(pick_color(i)[1:]))
-        said = f"chain {i}: {chain.length * 1e3:.0f} mm"
-        log(f"chains/{i}", rerun.LineStrips3D([path], radii=chain.radius / 3, colors=[color], labels=[said]))
+        label = f"chain {i}: {chain.length * 1e3:.0f} mm"
+        log(f"chains/{i}", rerun.LineStrips3D([path], radii=chain.radius / 3, colors=[color], labels=[label]))
         if not chain.closed:
             log(
                 f"ends/{i}",

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from strand.geometry.polyline import find_runs
 from strand.report.cameras import Camera, find_seen_side
+from strand.report.drawing import INK, pick_spread
 from strand.report.drawn_chains import compute_deviations
-from strand.report.sheet import INK, pick_spread
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
@@ -318,9 +318,9 @@ def _draw_places(pen: Pen, model: Model, towards: Array) -> list[dict[str, Any]]
         ("join", joins, {"color": PALETTE[4], "symbol": "square-open", "size": 8}, "legendonly"),
     ):
         if found:
-            places, said = zip(*found[:MAX_PLACES], strict=True)
+            places, texts = zip(*found[:MAX_PLACES], strict=True)
             named = f"{name}s: {len(found)}" if len(found) > 1 else name
-            traces.append(pen.draw_markers(np.array(places), named, marker, said, visible=visible))
+            traces.append(pen.draw_markers(np.array(places), named, marker, texts, visible=visible))
     return traces
 
 
@@ -343,12 +343,12 @@ def _draw_cameras(pen: Pen, cameras: Sequence[Camera | None], depth: float) -> l
         corners = camera.find_corners(depth)
         lines += [np.vstack([corners, corners[:1]]), *(np.stack([camera.viewpoint, c]) for c in corners)]
     shared = {"legendgroup": "cameras", "visible": "legendonly"}
-    said = [f"camera of view {i}" for i, _ in there]
+    texts = [f"camera of view {i}" for i, _ in there]
     viewpoints = np.array([camera.viewpoint for _, camera in there])
     marker = {"color": CAMERA, "size": 4}
     return [
         pen.draw_lines(lines, "cameras", CAMERA, 2, **shared),
-        pen.draw_markers(viewpoints, "", marker, said, showlegend=False, **shared),
+        pen.draw_markers(viewpoints, "", marker, texts, showlegend=False, **shared),
     ]
 
 

@@ -154,7 +154,7 @@ def describe_stages(views: Sequence[View], model: Model) -> str:
         for count in count_stages(views, model)
     ]
     return _format_table(
-        [("stage", "points in", "points out", "ms"), *rows, _sum_row(model.timings, columns=4)]
+        [("stage", "points in", "points out", "ms"), *rows, _make_total_row(model.timings, columns=4)]
     )
 
 
@@ -227,7 +227,7 @@ def describe_confidence(model: Model) -> str:
     """Format the confidence of all ropes together in one line."""
     if np.isnan(model.confidence):
         return "confidence: not known, as the method does not say"
-    return f"confidence: {model.confidence:.2f} that all ropes run as said"
+    return f"confidence: {model.confidence:.2f} that all ropes have the right course"
 
 
 def describe_frame(model: Model) -> str:
@@ -240,7 +240,7 @@ def describe_frame(model: Model) -> str:
 def describe_timings(model: Model) -> str:
     """Format the times of the stages."""
     rows = [(name, f"{seconds * 1e3:.1f}") for name, seconds in model.timings.items()]
-    return _format_table([("stage", "ms"), *rows, _sum_row(model.timings, columns=2)])
+    return _format_table([("stage", "ms"), *rows, _make_total_row(model.timings, columns=2)])
 
 
 def _list_stages(model: Model) -> dict[str, Any]:
@@ -261,7 +261,7 @@ def _measure_length(points: ArrayLike) -> float:
     return float(np.linalg.norm(np.diff(np.asarray(points), axis=0), axis=1).sum())
 
 
-def _sum_row(timings: Mapping[str, float], columns: int) -> tuple[str, ...]:
+def _make_total_row(timings: Mapping[str, float], columns: int) -> tuple[str, ...]:
     return ("total", *[""] * (columns - 2), f"{sum(timings.values()) * 1e3:.1f}")
 
 

@@ -25,11 +25,11 @@ def import_extra(module: str) -> Any:
     except ImportError as error:
         name = module.split(".")[0]
         package = {"PIL": "pillow", "rerun": "rerun-sdk"}.get(name, name)
-        wanted = f"{_distribution()}[{_EXTRAS.get(name, 'cli')}]"
+        wanted = f"{_find_distribution()}[{_EXTRAS.get(name, 'cli')}]"
         raise ImportError(f'{package} is needed here: pip install "{wanted}" installs it') from error
 
 
-def _distribution() -> str:
+def _find_distribution() -> str:
     """Return the name of the distribution that strand was installed from; "." in a checkout."""
     here = Path(__file__)
     for name in metadata.packages_distributions().get("strand", ()):

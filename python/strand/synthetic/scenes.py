@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from strand.support.checks import Array, check_integer, check_positive, check_sequence, check_text
 from strand.support.files import write_bytes
-from strand.support.robust import robust_deviation
+from strand.support.robust import estimate_deviation
 from strand.synthetic.camera import Camera, find_device
 from strand.synthetic.layout import Layout
 from strand.synthetic.noise import Noise, make_plane_rotation, sense
@@ -235,7 +235,7 @@ def scene(
             masks.append(mask.make_mask(on_rope, segmenter))
             errors_on_ropes.append(np.abs(image * camera.depth_scale - exact)[on_rope & (image > 0)])
     if device is not None:
-        depth_sd = robust_deviation(np.concatenate(errors_on_ropes))
+        depth_sd = estimate_deviation(np.concatenate(errors_on_ropes))
     low, high = nodes.min(axis=0) - 6.0 * radius, nodes.max(axis=0) + 6.0 * radius
     if layout.wall is None and not has_masks:
         low[2], high[2] = 0.6 * radius, nodes[:, 2].max() + 3.0 * radius

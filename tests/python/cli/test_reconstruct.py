@@ -42,7 +42,7 @@ def test_reconstruct_npz(scene_npz, tmp_path, capsys):
     (chain,) = model.chains
     row = f"0 +{chain.length * 1e3:.1f} +{len(chain.points)} +{chain.radius * 1e3:.2f} +open"
     assert re.search(rf"^{row} +{chain.confidence:.2f}( +[a-z ,+0-9]+)?$", out, re.MULTILINE)
-    assert f"\nconfidence: {model.confidence:.2f} that all ropes run as said\n" in out
+    assert f"\nconfidence: {model.confidence:.2f} that all ropes have the right course\n" in out
     assert re.findall(r"^([a-z]+) +\d+\.\d$", out, re.MULTILINE) == [*STAGES, "total"]
     assert out.splitlines()[-1] == str(tmp_path / "a.json")
     assert [line for line in err.splitlines() if "warning" not in line] == [

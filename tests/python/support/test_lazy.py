@@ -45,4 +45,4 @@ def test_the_value_is_computed_once_and_documented():
     now.set()
     one = Slow(now)
     assert [one.value, one.value, one.times] == [1, 1, 1]
-    assert Slow.value.__doc__ == "What is worked out."
+    assert Slow.value.__doc__ == "Return how often the value was computed."

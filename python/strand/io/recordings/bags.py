@@ -209,8 +209,8 @@ def _convert_errors(path: Path, place: str | None) -> Iterator[None]:
     except Exception as error:
         if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL, errno.EOVERFLOW):
             raise
-        said = str(error) or type(error).__name__
-        raise FileFormatError(path, f"truncated, damaged or not a bag ({said})", place) from error
+        text = str(error) or type(error).__name__
+        raise FileFormatError(path, f"truncated, damaged or not a bag ({text})", place) from error
 
 
 def is_recording(path: str | os.PathLike[str]) -> bool:

@@ -11,7 +11,7 @@ import strand._core as _core
 from strand.reconstruction.images.above_table import MIN_SEEN, smooth_where_seen
 from strand.reconstruction.images.table_plane import Plane, find_table
 from strand.support.checks import Array
-from strand.support.robust import robust_deviation
+from strand.support.robust import estimate_deviation
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
 from strand.views.extract import Extract
@@ -102,7 +102,7 @@ def _segment_standing(above: Array, seen: NDArray[np.bool_], distance: float) ->
     # relative to the distance, as single precision does not hold metres in every unit
     cut = np.clip(above / distance, -_MAX_HEIGHT, _MAX_HEIGHT)
     smooth, shares = smooth_where_seen(cut, seen, _SMOOTHING)
-    scatter = robust_deviation(smooth[seen & (np.abs(smooth) < _TABLE_HEIGHT)])
+    scatter = estimate_deviation(smooth[seen & (np.abs(smooth) < _TABLE_HEIGHT)])
     found = (shares > MIN_SEEN) & (smooth > max(_DEVIATIONS * scatter, _MIN_HEIGHT))
     numbers = _core.number_blobs(found)
     return np.asarray(found & (np.bincount(numbers.ravel())[numbers] >= _MIN_BLOB))

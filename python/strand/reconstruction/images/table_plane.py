@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.support.checks import Array
-from strand.support.robust import robust_deviation
+from strand.support.robust import estimate_deviation
 from strand.views.depth_image import DepthImage
 
 _SEED = 0  # of the draws of three points that planes are tried through
@@ -118,7 +118,7 @@ def find_largest_plane(points: Array) -> tuple[Plane, float] | None:
             return None
         middle, from_middle, normal = _fit_plane(own)
         offset = float(normal @ middle)
-        width = max(_DEVIATIONS * robust_deviation(from_middle @ normal), min_width)
+        width = max(_DEVIATIONS * estimate_deviation(from_middle @ normal), min_width)
     if offset > 0.0:
         normal, offset = -normal, -offset
     plane = Plane(normal, offset)

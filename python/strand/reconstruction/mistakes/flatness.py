@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
-from strand.support.robust import robust_deviation
+from strand.support.robust import estimate_deviation
 from strand.views.view import View
 
 _MAX_VIEWS = 3  # views that are looked at
@@ -108,7 +108,7 @@ def _measure_scatter(slopes: Array, inverse: Array, depth: Array) -> float:
         weighted = slopes * weights[:, None]
         linear = np.linalg.solve(weighted.T @ slopes, weighted.T @ inverse)
         off = (inverse - slopes @ linear) * depth
-        scatter = robust_deviation(off)
+        scatter = estimate_deviation(off)
         if abs(scatter - before) < _SETTLED * scatter:
             break
         weights = 1.0 / (1.0 + (off / max(_HALF_WEIGHT * scatter, np.finfo(float).tiny)) ** 2)

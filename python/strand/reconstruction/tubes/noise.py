@@ -13,7 +13,7 @@ from strand._core import TubeFit
 from strand.reconstruction.evidence.depth_errors import MIN_CORRELATION, correlate_on_planes, find_depth_step
 from strand.reconstruction.tubes.pixels import Cameras, Grid
 from strand.support.checks import Array
-from strand.support.robust import robust_deviation
+from strand.support.robust import estimate_deviation
 from strand.views.sensor import Sensor
 
 _MIN_FACING = 0.4  # cosine between ray and surface normal: flatter residuals show the edge, not the noise
@@ -146,7 +146,7 @@ def measure_noise(fit: TubeFit, cameras: Cameras, spacing: float) -> Noise:
     if not good.any():
         return Noise(fit.sigma)
     error = fit.residual / fit.facing.clip(_MIN_FACING)
-    sd = robust_deviation(error[good])
+    sd = estimate_deviation(error[good])
     grids = cameras.grids
     if not grids:
         return Noise(sd)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from strand.report.sheet import Plan
+from strand.report.drawing import Plan
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])

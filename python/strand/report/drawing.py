@@ -88,7 +88,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Sheet:
+class Drawing:
     """A figure with a plan and, optionally, an elevation below it.
 
     Attributes
@@ -175,14 +175,14 @@ class Sheet:
         return lambda values: np.asarray(mapping.to_rgba(values))
 
 
-def make_sheet(
+def make_drawing(
     model: Model,
     points: Array,
     title: str,
     legend: Sequence[Any] = (),
     bar: bool = False,
     elevation: bool = True,
-) -> Sheet:
+) -> Drawing:
     """Make a figure whose panels show all points on one scale."""
     if len(points) == 0:
         points = np.zeros((1, 3))
@@ -221,7 +221,7 @@ def make_sheet(
         if bar
         else None
     )
-    return Sheet(figure, plan, tuple(shown), colors)
+    return Drawing(figure, plan, tuple(shown), colors)
 
 
 def make_figure(title: str, panels: float, legend: Sequence[Any]) -> tuple[Figure, float]:
