@@ -42,8 +42,6 @@ SHARED_STEMS = {"__init__", "method"}  # modules that several folders of reconst
 
 # checks that do not hold yet
 PENDING = {
-    "circles of files in Python",
-    "circles of folders in Python",
     "floors in Python",
     "arrows in Python",
     "circles of files in Rust",
