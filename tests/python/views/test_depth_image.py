@@ -1,0 +1,40 @@
+"""Depth images: their mask, and places of the world that they show."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from strand import pose_from_angles
+from strand.views.depth_image import DepthImage
+from strand.views.pinhole import Pinhole
+
+DEPTH = np.arange(12.0).reshape(3, 4)
+CAMERA = Pinhole((50.0, 60.0), (1.5, 1.0))
+POSE = pose_from_angles(0.3, -0.2, 1.0, [0.1, 0.2, 0.3])
+
+
+def test_without_labels_every_pixel_may_be_a_rope():
+    image = DepthImage(DEPTH, CAMERA, POSE)
+    assert image.mask.all()
+    assert image.rope_depth is image.depth
+    assert image.distance == np.median(DEPTH[DEPTH > 0])
+
+
+@pytest.mark.parametrize("kind", [np.int32, bool])
+def test_pixels_with_a_label_are_ropes(kind):
+    labels = (DEPTH % 2 == 0).astype(kind)
+    image = DepthImage(DEPTH, CAMERA, POSE, labels)
+    np.testing.assert_array_equal(image.mask, DEPTH % 2 == 0)
+    np.testing.assert_array_equal(image.rope_depth, np.where(DEPTH % 2 == 0, DEPTH, 0.0))
+    assert np.isnan(DepthImage(DEPTH, CAMERA, POSE, np.zeros_like(labels)).distance)
+    for array in (image.depth, image.labels):
+        assert not array.flags.writeable
+
+
+def test_pixels_are_where_the_world_sees_their_points():
+    image = DepthImage(DEPTH + 1.0, CAMERA, POSE)
+    rows, columns = np.indices(DEPTH.shape)
+    world = image.lift(rows, columns, image.depth)
+    seen = image.project(world.reshape(-1, 3))
+    assert seen == pytest.approx(np.column_stack([columns.ravel(), rows.ravel()]), abs=1e-9)
