@@ -17,10 +17,8 @@ use strand::{
 
 use random::generator;
 
-/// Radius of the rope, metres.
-const RADIUS: f64 = 0.0042;
-/// Distance between points of its surface, metres.
-const SPACING: f64 = 0.0004;
+const RADIUS: f64 = 0.0042; // radius of the rope, metres
+const SPACING: f64 = 0.0004; // distance between points of its surface, metres
 
 /// Makes the upper side of a rope in a wave on a table, with noise of about 0.3 mm, in order along it.
 fn rope(count: usize, mut random: impl FnMut() -> f64) -> Vec<Point> {

@@ -5,12 +5,9 @@ use std::f64::consts::TAU;
 use nalgebra::Vector3;
 use strand::Point;
 
-/// Radius of the rope, metres.
-pub const RADIUS: f64 = 0.0042;
-/// Area of the surface for each point, square metres.
-const PATCH: f64 = 0.0004 * 0.0004;
-/// Radius of the coil, and its rise for each turn, metres.
-const COIL: (f64, f64) = (0.1, 0.03);
+pub const RADIUS: f64 = 0.0042; // radius of the rope, metres
+const PATCH: f64 = 0.0004 * 0.0004; // area of the surface for each point, square metres
+const COIL: (f64, f64) = (0.1, 0.03); // radius of the coil, and its rise for each turn, metres
 
 /// A depth camera's cloud of a rope, and the axis point of each point.
 pub struct Rope {

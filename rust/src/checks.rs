@@ -2,8 +2,7 @@
 
 use crate::error::{Error, Result};
 
-/// Coordinates and lengths stay below this, so that squared distances stay well inside f64.
-const LARGEST: f64 = 1e100;
+const LARGEST: f64 = 1e100; // coordinates and lengths stay below this, so that squared distances stay well inside f64
 
 /// Refuses coordinates that are NaN, infinite or so large that their squares overflow.
 pub(crate) fn check_finite(name: &'static str, points: &[[f64; 3]]) -> Result<()> {

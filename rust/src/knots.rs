@@ -36,17 +36,13 @@ use projection::{Diagram, Lid, NoDiagram};
 pub(crate) use table::Chirality;
 use table::TABLE;
 
-/// Directions in which an open chain is closed.
-const CLOSURES: usize = 50;
-/// Pairs of segments of a linking integral at most.
-const MAX_PAIRS: usize = 100_000_000;
+const CLOSURES: usize = 50; // directions in which an open chain is closed
+const MAX_PAIRS: usize = 100_000_000; // pairs of segments of a linking integral at most
 /// First turn of a direction of view in which a strand lies over a node, radians; each further turn is four times
 /// larger.
 const TURN: f64 = 1e-9;
-/// Number of these turns; the last is about 0.2 mrad.
-const TURNS: i32 = 10;
-/// Ends nearer than this count as one place, extents of the chain.
-const NEAR_ENDS: f64 = 1e-12;
+const TURNS: i32 = 10; // number of these turns; the last is about 0.2 mrad
+const NEAR_ENDS: f64 = 1e-12; // ends nearer than this count as one place, extents of the chain
 
 /// A knot by name.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,9 +72,6 @@ pub(crate) struct Knot {
 }
 
 /// Identifies the knot of a chain of ordered nodes.
-///
-/// # Errors
-/// `InvalidArgument` if the nodes are no polyline or the polyline meets itself.
 pub(crate) fn identify(points: &[Point], closed: bool) -> Result<Knot> {
     let nodes = check_nodes("points", points, closed)?;
     let mut known = Known::default();
@@ -102,9 +95,6 @@ pub(crate) fn identify(points: &[Point], closed: bool) -> Result<Knot> {
 }
 
 /// Returns the diagram of a chain seen from the unit vector `direction`. An arc above an open chain closes it.
-///
-/// # Errors
-/// `InvalidArgument` as in [`identify`], and for a direction of another length or too many crossings.
 pub(crate) fn draw(points: &[Point], closed: bool, direction: Point) -> Result<GaussCode> {
     Ok(diagram_from(points, closed, direction)?.0.code)
 }
@@ -115,10 +105,6 @@ pub(crate) fn draw(points: &[Point], closed: bool, direction: Point) -> Result<G
 /// Each row holds the arc lengths of two strands that cross, metres, and the probability that the nodes give their
 /// order right. Without `strict`, rows beyond the visible crossings must all be right, and so must all rows if there is
 /// no diagram.
-///
-/// # Errors
-/// `InvalidArgument` if a row does not hold arc lengths and a probability; with `strict`, also as in [`draw`], and for
-/// more rows than crossings.
 pub(crate) fn find_order_probability(
     points: &[Point],
     closed: bool,
@@ -172,9 +158,6 @@ pub(crate) fn find_order_probability(
 }
 
 /// Returns how often two chains wind around each other: a whole number if both are closed.
-///
-/// # Errors
-/// `InvalidArgument` if nodes are no polyline, or for more than 1e8 pairs of segments.
 pub(crate) fn find_linking_number(a: &[Point], b: &[Point], closed: [bool; 2]) -> Result<f64> {
     check_nodes("a", a, closed[0])?;
     check_nodes("b", b, closed[1])?;

@@ -1,7 +1,7 @@
 //! Depth-camera point clouds of ropes, cables and hoses become ordered 3D centrelines.
 //!
 //! Each kernel of the pipeline is usable alone. Data flow through them in this order:
-//! - published method: [`radius_outlier_mask`] → [`estimate_normals`] → [`icp`] → [`centerline`] → [`trace_chains`];
+//! - published method: [`radius_outlier_mask`] → [`estimate_normals`] → [`icp()`] → [`centerline()`] → [`trace_chains`];
 //! - tubes fitted together with the cameras' poses: [`trace_tubes`] → [`fit_tubes`].
 //!
 //! Kernels take slices and return values. They print nothing, read no files and keep nothing between calls.

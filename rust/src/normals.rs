@@ -16,8 +16,7 @@ use mass::Mass;
 mod mass;
 mod nearest;
 
-/// Width of a cell, radii.
-const CELLS: f64 = 1.0;
+const CELLS: f64 = 1.0; // width of a cell, radii
 
 /// The points that a normal is fitted to. The point itself is one of them.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -44,15 +44,11 @@ pub(crate) enum Caller {
 /// The pools of this process, or of the process that it was forked from.
 static NEWEST: AtomicPtr<Process> = AtomicPtr::new(std::ptr::null_mut());
 static WANTED_THREADS: AtomicUsize = AtomicUsize::new(UNKNOWN);
-/// The number of threads has not been set yet.
-const UNKNOWN: usize = usize::MAX;
-/// Threads at most; tens of thousands would take minutes to start.
-const MAX_THREADS: usize = 256;
-/// The environment variable that sets the number of threads.
-pub(crate) const VARIABLE: &str = "STRAND_NUM_THREADS";
+const UNKNOWN: usize = usize::MAX; // the number of threads has not been set yet
+const MAX_THREADS: usize = 256; // threads at most; tens of thousands would take minutes to start
+pub(crate) const VARIABLE: &str = "STRAND_NUM_THREADS"; // the environment variable that sets the number of threads
 
-/// Values of an image that one task works on.
-const VALUES_PER_TASK: usize = 1 << 16;
+const VALUES_PER_TASK: usize = 1 << 16; // values of an image that one task works on
 /// Rows of an image that one task works on, at least: some tasks need the rows beside theirs too.
 const MIN_ROWS_PER_TASK: usize = 32;
 

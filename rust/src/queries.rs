@@ -21,8 +21,7 @@ use capsule::Capsule;
 use hierarchy::Hierarchy;
 use rays::Line;
 
-/// Queries that a thread answers in one go; fewer run on the thread of the caller.
-const LOT: usize = 128;
+const LOT: usize = 128; // queries that a thread answers in one go; fewer run on the thread of the caller
 
 /// One chain's tube.
 pub struct Path<'a> {
@@ -37,11 +36,9 @@ pub struct Path<'a> {
 /// A place on a chain's axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
-    /// The chain's number.
     pub chain: usize,
     /// Arc length, metres.
     pub s: f64,
-    /// Position, metres.
     pub point: Point,
 }
 
@@ -74,10 +71,6 @@ pub struct TubeQueries {
 
 impl TubeQueries {
     /// Sorts the segments of all chains.
-    ///
-    /// # Errors
-    /// [`InvalidArgument`](Error::InvalidArgument) if a coordinate is not finite, there is not one arc length for each
-    /// node, consecutive nodes are equal, or a radius is not positive.
     pub fn new(paths: &[Path<'_>]) -> Result<Self> {
         let mut capsules = Vec::new();
         for (chain, path) in paths.iter().enumerate() {
@@ -95,9 +88,6 @@ impl TubeQueries {
 
     /// Returns for each point the least distance from a tube's surface, metres: negative inside, infinite without
     /// chains.
-    ///
-    /// # Errors
-    /// [`InvalidArgument`](Error::InvalidArgument) if a coordinate is not finite.
     pub fn signed_distances(&self, points: &[Point]) -> Result<Vec<f64>> {
         check_finite("points", points)?;
         Ok(answer_each(points.len(), |i| {
@@ -107,9 +97,6 @@ impl TubeQueries {
 
     /// Returns for each point the nearest place of the axis of the tube that it is nearest to, or deepest in, and the
     /// distance from the axis, metres.
-    ///
-    /// # Errors
-    /// [`InvalidArgument`](Error::InvalidArgument) if a coordinate is not finite.
     pub fn nearest(&self, points: &[Point]) -> Result<Vec<Option<(Place, f64)>>> {
         check_finite("points", points)?;
         Ok(answer_each(points.len(), |i| {
@@ -119,10 +106,6 @@ impl TubeQueries {
     }
 
     /// Returns where each ray first meets a tube: at its origin, if that is inside a tube.
-    ///
-    /// # Errors
-    /// [`InvalidArgument`](Error::InvalidArgument) if the lengths differ, a number is not finite, or a direction is
-    /// zero.
     pub fn ray_hits(&self, origins: &[Point], directions: &[Point]) -> Result<Vec<Option<Hit>>> {
         check_finite("origins", origins)?;
         check_finite("directions", directions)?;
@@ -145,10 +128,6 @@ impl TubeQueries {
     }
 
     /// Sweeps spheres straight and evenly from a start to an end; exact up to rounding.
-    ///
-    /// # Errors
-    /// [`InvalidArgument`](Error::InvalidArgument) if the lengths differ, a number is not finite, or a radius is
-    /// negative.
     pub fn swept_spheres(
         &self,
         starts: &[Point],
@@ -182,9 +161,6 @@ impl TubeQueries {
 
     /// Sweeps boxes from one pose to another, see [`BoxMotion`]. Contacts may be early, and clearances small, by at
     /// most its slack.
-    ///
-    /// # Errors
-    /// [`InvalidArgument`](Error::InvalidArgument) if the lengths differ or a half size is negative or not finite.
     pub fn swept_boxes(
         &self,
         starts: &[RigidMotion],

@@ -20,8 +20,7 @@ use crate::fixtures::{Random, sine_between};
 
 /// Seeds that once failed.
 const FOUND: [u64; 9] = [3, 115, 124, 222, 228, 1_000_000_024, 1_000_000_029, 1_000_000_306, 7_000_005_269];
-/// Seeds that always run, so that a slow machine tests something.
-const FEWEST: u64 = 200;
+const FEWEST: u64 = 200; // seeds that always run, so that a slow machine tests something
 const SECONDS: f64 = 2.0;
 /// One of this many clouds is so large that its cells are crowded; some of its points are compared.
 const LARGE_EVERY: u64 = 190;

@@ -11,12 +11,9 @@ use crate::geometry::{Point, advance, cross, dot, normalized, sub};
 use crate::index::Grid;
 use crate::parallel;
 
-/// Ratio of a strip's variances at least; patches grow until they reach it.
-const ELONGATION: f64 = 6.0;
-/// Growth factor of a patch from one trial to the next.
-const GROWTH: f64 = 1.2;
-/// Points of a strip at least.
-const MIN_POINTS: usize = 24;
+const ELONGATION: f64 = 6.0; // ratio of a strip's variances at least; patches grow until they reach it
+const GROWTH: f64 = 1.2; // growth factor of a patch from one trial to the next
+const MIN_POINTS: usize = 24; // points of a strip at least
 /// Largest distances of a patch's points from its seed, largest radii: first the near points, which cost less.
 const REACHES: [f64; 2] = [0.5, 2.5];
 /// Seeds that one task works on; fixed, so that results do not depend on the number of threads.
@@ -36,9 +33,6 @@ pub(crate) struct ApparentRadius {
 /// Around each seed a patch grows, projected along the viewing ray, until it is longer than wide. Half its width is √(3
 /// λ), where λ is the smaller eigenvalue of its covariance. Patches that never become strips, and strips wider than
 /// `largest`, give no radius. Strands side by side look like one wide strip, so callers take the most frequent value.
-///
-/// # Errors
-/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `largest` is not positive.
 pub(crate) fn apparent_radii(
     points: &[Point],
     viewpoint: Point,

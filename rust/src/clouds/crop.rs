@@ -7,8 +7,7 @@ use crate::geometry::{Point, RigidMotion};
 use crate::parallel;
 use crate::simd::{LANES, kernel};
 
-/// Points that one task works on.
-const POINTS_PER_TASK: usize = 16384;
+const POINTS_PER_TASK: usize = 16384; // points that one task works on
 /// Rounding error of a coordinate, with a wide margin, as a share of the largest number that it is computed from.
 const ROUNDING: f64 = 1e-12;
 

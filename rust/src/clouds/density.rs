@@ -9,15 +9,10 @@ use crate::geometry::{Moments, Point, cell_of, eigen_symmetric, squared_distance
 use crate::index::Grid;
 use crate::parallel;
 
-/// Points, evenly spaced in the input, of which the median is taken.
-const SAMPLE: usize = 250;
-/// Points of the sample that one task works on.
-const POINTS_PER_TASK: usize = 25;
+const SAMPLE: usize = 250; // points, evenly spaced in the input, of which the median is taken
+const POINTS_PER_TASK: usize = 25; // points of the sample that one task works on
 
 /// Returns the typical number of other points within `radius` of a point: the median over a sample, 0 without points.
-///
-/// # Errors
-/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `radius` is not positive.
 pub(crate) fn typical_neighbors(points: &[Point], radius: f64) -> Result<usize> {
     check_finite("points", points)?;
     check_positive("radius", radius)?;
@@ -40,9 +35,6 @@ pub(crate) fn typical_neighbors(points: &[Point], radius: f64) -> Result<usize> 
 }
 
 /// Counts the voxels of a lattice that hold points; `side` is the edge of a voxel.
-///
-/// # Errors
-/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `side` is not positive.
 pub(crate) fn occupied_voxels(points: &[&[Point]], side: f64) -> Result<usize> {
     check_positive("side", side)?;
     for points in points {
@@ -63,9 +55,6 @@ pub(crate) fn occupied_voxels(points: &[&[Point]], side: f64) -> Result<usize> {
 
 /// Returns the variances along the principal axes of the points within `reach` of each place, ascending, m²; NaN where
 /// there are fewer than `fewest` points.
-///
-/// # Errors
-/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `reach` is not positive.
 pub(crate) fn variances_around(
     points: &[Point],
     places: &[Point],

@@ -29,16 +29,12 @@ impl Pinhole {
     }
 }
 
-/// Returns whether a pixel has a return.
 #[inline(always)]
 pub(crate) fn has_return(z: f64) -> bool {
     z > 0.0 && z < f64::INFINITY
 }
 
 /// Replaces NaN and infinite depths by 0, which also means no return; also returns how many it replaced.
-///
-/// # Errors
-/// [`Error::InvalidArgument`] if a depth is negative or above `farthest`.
 pub(crate) fn cleaned(mut depth: Vec<f64>, farthest: f64) -> Result<(Vec<f64>, usize)> {
     let (mut dropped, mut outside) = (0, false);
     for part in depth.chunks_mut(1024) {

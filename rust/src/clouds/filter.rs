@@ -47,8 +47,7 @@ fn check(points: &[Point], radius: f64) -> Result<()> {
     check_positive("radius", radius)
 }
 
-/// Width of a cell, radii.
-const CELLS: f64 = 1.0;
+const CELLS: f64 = 1.0; // width of a cell, radii
 
 /// Answers for each point from the number of points within the radius, the point itself included.
 ///

@@ -8,13 +8,9 @@ use crate::geometry::{Point, squared_distance};
 use crate::index::hierarchy::Hierarchy;
 use crate::parallel;
 
-/// Points that one task works on.
-const POINTS_PER_TASK: usize = 1024;
+const POINTS_PER_TASK: usize = 1024; // points that one task works on
 
 /// Returns the squared distance of each point to the nearest of `others`, m²; infinity if there are none.
-///
-/// # Errors
-/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite.
 pub(crate) fn squared_distances(points: &[Point], others: &[Point]) -> Result<Vec<f64>> {
     check_finite("points", points)?;
     check_finite("others", others)?;

@@ -10,18 +10,12 @@ use crate::error::Result;
 use crate::geometry::{Point, RigidMotion, advance, cross, dot, normalized, sub};
 use crate::parallel;
 
-/// Width of a cell of a view's grid of directions, spacings between neighbouring points.
-const CELL: f64 = 1.6;
-/// Directions farther than this from a view's middle are not gridded, tangents.
-const MAX_TANGENT: f64 = 3.0;
-/// Margin of the grid around the directions that callers ask about, tangents.
-const MARGIN: f64 = 0.1;
-/// Depth by which an obstacle must be in front of or behind a place, radii.
-const CLEARANCE: f64 = 1.0;
-/// Points of a view at least; a view with fewer knows nothing.
-const MIN_POINTS: usize = 16;
-/// Cells of a view at most; a view of more widely scattered points knows nothing.
-const MAX_CELLS: f64 = 4e7;
+const CELL: f64 = 1.6; // width of a cell of a view's grid of directions, spacings between neighbouring points
+const MAX_TANGENT: f64 = 3.0; // directions farther than this from a view's middle are not gridded, tangents
+const MARGIN: f64 = 0.1; // margin of the grid around the directions that callers ask about, tangents
+const CLEARANCE: f64 = 1.0; // depth by which an obstacle must be in front of or behind a place, radii
+const MIN_POINTS: usize = 16; // points of a view at least; a view with fewer knows nothing
+const MAX_CELLS: f64 = 4e7; // cells of a view at most; a view of more widely scattered points knows nothing
 /// Points that one task projects; fixed, so that results do not depend on the number of threads.
 const POINTS_PER_TASK: usize = 16384;
 
@@ -86,9 +80,6 @@ struct Ray {
 
 impl Visibility {
     /// Grids views by direction.
-    ///
-    /// # Errors
-    /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite.
     pub fn new(views: &[VisibilityView]) -> Result<Self> {
         for view in views {
             check_finite("about", view.about)?;
@@ -97,15 +88,11 @@ impl Visibility {
         Ok(Self { views: parallel::run(|| views.par_iter().map(of_view).collect()) })
     }
 
-    /// The number of views.
     pub fn views(&self) -> usize {
         self.views.len()
     }
 
     /// Returns what one view shows of tubes of a radius around places of the world.
-    ///
-    /// # Errors
-    /// [`InvalidArgument`](crate::Error::InvalidArgument) if the radius is not positive.
     pub fn states(&self, view: usize, places: &[Point], radius: f64) -> Result<Vec<Occupancy>> {
         check_positive("radius", radius)?;
         let (camera, buffer) = &self.views[view];
@@ -117,9 +104,6 @@ impl Visibility {
     }
 
     /// Returns whether the space at places is free: more views saw it free than occupied.
-    ///
-    /// # Errors
-    /// As [`Visibility::states`].
     pub fn free(&self, places: &[Point], radius: f64) -> Result<Vec<bool>> {
         let mut votes = vec![0i64; places.len()];
         for view in 0..self.views() {
@@ -131,9 +115,6 @@ impl Visibility {
     }
 
     /// Returns whether places are occluded in all views or outside their images.
-    ///
-    /// # Errors
-    /// As [`Visibility::states`].
     pub fn occluded(&self, places: &[Point], radius: f64) -> Result<Vec<bool>> {
         let mut occluded = vec![true; places.len()];
         for view in 0..self.views() {
@@ -145,9 +126,6 @@ impl Visibility {
     }
 
     /// Returns whether a view saw through the near side of a tube along the unit vector `direction`, around places.
-    ///
-    /// # Errors
-    /// As [`Visibility::states`].
     pub fn seen_through(&self, places: &[Point], direction: Point, radius: f64) -> Result<Vec<bool>> {
         check_positive("radius", radius)?;
         let through = |&place: &Point| {

@@ -3,8 +3,7 @@
 use super::spline::{Place, Spline};
 use super::vector::{Point, dot, normalized};
 
-/// Table entries for each span; arc length is linear in the parameter between them.
-const ENTRIES_PER_SPAN: f64 = 16.0;
+const ENTRIES_PER_SPAN: f64 = 16.0; // table entries for each span; arc length is linear in the parameter between them
 
 /// A part of a spline that is parameterized by arc length.
 pub(crate) struct ByLength<'a> {

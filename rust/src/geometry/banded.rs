@@ -12,8 +12,7 @@ use crate::simd::kernel;
 pub const WIDTH: usize = 12;
 /// Entries of a row up to its diagonal for nodes in a plane: three nodes before it, and its own coordinates.
 pub const PLANAR: usize = 8;
-/// Rows that are factored together.
-const ROWS_AT_ONCE: usize = 4;
+const ROWS_AT_ONCE: usize = 4; // rows that are factored together
 
 /// The lower half of a symmetric matrix [[A, C], [Cᵀ, D]]: A is banded with n rows, D is dense with m rows.
 #[derive(Debug, Clone)]

@@ -5,13 +5,10 @@ use super::vector::{Point, advance, cross, dot, sub};
 use crate::checks::check_positive;
 use crate::error::{Error, Result};
 
-/// Ends nearer than this touch or overlap, radii.
-const TOUCHING: f64 = 1.2;
-/// Largest turn of a joining curve at each of its ends, radians.
-const MAX_TURN: f64 = 1.4;
+const TOUCHING: f64 = 1.2; // ends nearer than this touch or overlap, radii
+const MAX_TURN: f64 = 1.4; // largest turn of a joining curve at each of its ends, radians
 
-/// Nodes of a bridge at most.
-const MAX_NODES: f64 = 1e6;
+const MAX_NODES: f64 = 1e6; // nodes of a bridge at most
 
 /// Returns the unit vector out of the last node, over `span` of arc length that ends `skip` before it.
 ///
@@ -34,9 +31,6 @@ pub(crate) fn find_end_direction(nodes: &[Point], skip: f64, span: f64) -> Point
 ///
 /// The direction at each end is taken over `span` of its piece. `reach` holds the lengths of the tangents at the two
 /// ends, as shares of the gap.
-///
-/// # Errors
-/// [`InvalidArgument`](Error::InvalidArgument) if `spacing` is not positive, or too small for the gap.
 pub(crate) fn bridge(
     before: &[Point],
     after: &[Point],

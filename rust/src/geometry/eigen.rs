@@ -41,7 +41,7 @@ pub fn eigen_symmetric(matrix: &Symmetric3) -> Eigen3 {
     Eigen3 { values: order.map(|i| size * a[i][i]), vectors: order.map(|i| v[i]) }
 }
 
-/// Applies one Jacobi rotation in the plane of axes p and q, which makes a[p][q] zero.
+/// Applies one Jacobi rotation in the plane of axes p and q, which makes the entry (p, q) of `a` zero.
 #[inline]
 fn rotate(a: &mut [[f64; 3]; 3], v: &mut [[f64; 3]; 3], p: usize, q: usize) {
     if a[p][q] == 0.0 {

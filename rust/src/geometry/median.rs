@@ -1,7 +1,6 @@
 //! Medians.
 
-/// Standard deviation of a normal distribution, medians of the absolute deviation.
-pub const MEDIAN_TO_SD: f64 = 1.4826;
+pub const MEDIAN_TO_SD: f64 = 1.4826; // standard deviation of a normal distribution, medians of the absolute deviation
 
 /// Returns the median: the mean of the middle two of an even number of values; None without values.
 pub fn median(mut values: Vec<f64>) -> Option<f64> {

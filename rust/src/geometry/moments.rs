@@ -29,7 +29,6 @@ impl Moments {
         self.second[5] += d[2] * d[2];
     }
 
-    /// The number of points.
     pub fn count(&self) -> usize {
         self.count
     }

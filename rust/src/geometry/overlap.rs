@@ -10,7 +10,6 @@ pub(crate) struct Along {
     pub curve: usize,
     /// Arc length along it, metres.
     pub arc_length: f64,
-    /// Position, metres.
     pub position: Point,
 }
 

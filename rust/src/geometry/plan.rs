@@ -11,10 +11,8 @@ use std::collections::TryReserveError;
 use super::boxes::{Bounds, BoxTree};
 use crate::parallel::go_on;
 
-/// Steps of the lattice across the plan's extent.
-const STEPS: f64 = (1_u64 << 30) as f64;
+const STEPS: f64 = (1_u64 << 30) as f64; // steps of the lattice across the plan's extent
 
-/// Two segments that cross.
 #[derive(Debug, Clone, Copy)]
 pub struct Crossed {
     /// The numbers of the segments, the lower first.
@@ -26,9 +24,6 @@ pub struct Crossed {
 }
 
 /// Finds all pairs of segments that cross, in order. Segments that share a node do not cross.
-///
-/// # Errors
-/// [`TryReserveError`] if the pairs do not fit in memory.
 ///
 /// # Panics
 /// If a segment names a node that does not exist.

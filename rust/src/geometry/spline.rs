@@ -7,8 +7,7 @@ use super::vector::{Point, dot, sub};
 use crate::checks::{check_finite, check_positive};
 use crate::error::{Error, Result};
 
-/// Spans of a fitted curve at most: the fit uses dense matrices.
-const MAX_SPANS: f64 = 5e3;
+const MAX_SPANS: f64 = 5e3; // spans of a fitted curve at most: the fit uses dense matrices
 
 /// A uniform cubic B-spline with n ≥ 4 control points. Its parameter runs from 0 to n − 3.
 #[derive(Debug, Clone, PartialEq)]

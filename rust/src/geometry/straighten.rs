@@ -14,9 +14,6 @@ use crate::error::Result;
 /// Around a point of a tube, the surface points within 2r reach s² ≤ 2 r² (1 + cos φ) along the axis, φ being the angle
 /// about it. Their mean s² is 8/9 r². So the mean of their axis points lies 4/9 r² κ inside the axis, where κ is the
 /// curvature vector. A parabola fitted to the nodes within `span` along the chain gives κ.
-///
-/// # Errors
-/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or a length is not positive.
 pub(crate) fn straighten(nodes: &[Point], radius: f64, span: f64) -> Result<Vec<Point>> {
     check_finite("nodes", nodes)?;
     check_positive("radius", radius)?;

@@ -3,19 +3,16 @@
 /// A point or vector: x, y, z.
 pub type Point = [f64; 3];
 
-/// Returns a − b.
 #[inline]
 pub fn sub(a: Point, b: Point) -> Point {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// Returns a · b.
 #[inline]
 pub fn dot(a: Point, b: Point) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Returns a × b.
 #[inline]
 pub fn cross(a: Point, b: Point) -> Point {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
@@ -34,7 +31,6 @@ pub fn advance(p: Point, s: f64, d: Point) -> Point {
     std::array::from_fn(|k| p[k] + s * d[k])
 }
 
-/// Returns |a − b|².
 #[inline]
 pub fn squared_distance(a: Point, b: Point) -> f64 {
     let d = sub(a, b);

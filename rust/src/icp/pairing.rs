@@ -26,18 +26,14 @@ use search::search;
 pub use sums::Pairs;
 use sums::{TERMS, add_pairs};
 
-/// Target points within a cell's width of each target point, about.
-const NEAR: usize = 40;
-/// Near target points that are kept for a source point, at most.
-const LISTED: usize = 6;
+const NEAR: usize = 40; // target points within a cell's width of each target point, about
+const LISTED: usize = 6; // near target points that are kept for a source point, at most
 /// Batches that one task works on; fixed, so that sums do not depend on the number of threads.
 const BATCHES_PER_TASK: usize = 16;
 /// Lanes of a batch, at most, that are searched alone; if more need a search, all are searched.
 const MAX_ALONE: usize = 1;
-/// The numbers of all lanes.
-const ALL: [usize; BATCH] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
-/// Stands for no target point.
-const NONE: u32 = u32::MAX;
+const ALL: [usize; BATCH] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15]; // the numbers of all lanes
+const NONE: u32 = u32::MAX; // stands for no target point
 
 /// Source points near each other.
 struct Batch {

@@ -12,12 +12,10 @@ pub struct Image<T> {
 }
 
 impl<T: Copy> Image<T> {
-    /// Makes an image of one value.
     pub fn filled(width: usize, height: usize, value: T) -> Self {
         Self { width, height, values: vec![value; width * height] }
     }
 
-    /// Returns the value at a column and row.
     #[inline(always)]
     pub fn at(&self, x: usize, y: usize) -> T {
         self.values[y * self.width + x]

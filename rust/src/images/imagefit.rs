@@ -3,10 +3,9 @@
 //!
 //! The noise of depth cameras is wide and correlated. Their masks show where a rope is to a fraction of a pixel, but
 //! their depth only to about a radius. So masks come first, and depth decides the rest:
-//! - [`lift`] gives an image's polylines their depth, and decides which strand is on top at crossings.
+//! - [`lift()`] gives an image's polylines their depth, and decides which strand is on top at crossings.
 //! - [`fit`] moves splines, poses and a depth bias for each view until the tubes fill the masks. It also measures what
-//!   the
-//!   fit leaves unexplained.
+//!   the fit leaves unexplained.
 
 use crate::clouds::depth::Pinhole;
 use crate::geometry::spline::Spline;
@@ -40,18 +39,13 @@ pub use residuals::Scatter;
 pub use search::fit;
 pub use support::count_support;
 
-/// Distance between samples along the rope, radii.
-const STEP: f64 = 0.5;
-/// Strands nearer than this in the image hide each other, image radii between axes.
-const HIDES: f64 = 1.4;
+const STEP: f64 = 0.5; // distance between samples along the rope, radii
+const HIDES: f64 = 1.4; // strands nearer than this in the image hide each other, image radii between axes
 /// Strands nearer than this mix their depths, image radii, and pixels in addition: a stereo matcher blurs them.
 const MIXES: (f64, f64) = (2.0, 1.5);
-/// Places of one rope nearer than this along it count as one place, radii.
-const APART: f64 = 4.0;
-/// Weight of a depth that is mixed with another strand's.
-const MIXED: f64 = 0.3;
-/// Distance between the axes of touching strands, radii: ropes give a little.
-const TOUCHING: f64 = 1.9;
+const APART: f64 = 4.0; // places of one rope nearer than this along it count as one place, radii
+const MIXED: f64 = 0.3; // weight of a depth that is mixed with another strand's
+const TOUCHING: f64 = 1.9; // distance between the axes of touching strands, radii: ropes give a little
 
 /// A place in an image: column and row, pixels.
 pub type Place2 = [f64; 2];
@@ -59,11 +53,9 @@ pub type Place2 = [f64; 2];
 /// One camera's data.
 #[derive(Debug, Clone)]
 pub struct RopeView<'a> {
-    /// Its mask.
     pub silhouette: &'a Silhouette,
     /// Its depth on the mask.
     pub medians: &'a Medians,
-    /// Its intrinsics.
     pub pinhole: Pinhole,
     /// Camera to world.
     pub pose: RigidMotion,

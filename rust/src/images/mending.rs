@@ -5,16 +5,11 @@ use crate::images::image::{Blobs, Image, find_blobs, measure_distances};
 use crate::images::silhouette::Silhouette;
 use crate::images::surroundings::Surroundings;
 
-/// Gaps up to twice as wide may be lost pieces, image radii.
-const CLOSED: f64 = 1.0;
-/// Parts up to twice as wide may be added background, image radii.
-const OPENED: f64 = 0.6;
-/// Largest separate blobs that may be added background, squared image radii.
-const MAX_SPECK: f64 = 12.0;
-/// Smallest blobs that depth can judge, squared image radii.
-const MIN_BLOB: f64 = 0.15;
-/// Margin around the silhouette's frame, pixels.
-const PAD: usize = 4;
+const CLOSED: f64 = 1.0; // gaps up to twice as wide may be lost pieces, image radii
+const OPENED: f64 = 0.6; // parts up to twice as wide may be added background, image radii
+const MAX_SPECK: f64 = 12.0; // largest separate blobs that may be added background, squared image radii
+const MIN_BLOB: f64 = 0.15; // smallest blobs that depth can judge, squared image radii
+const PAD: usize = 4; // margin around the silhouette's frame, pixels
 
 /// Adds pixels as deep as the ropes to a mask and removes pixels behind them; None if depth does not separate the two.
 pub fn mend(

@@ -2,8 +2,7 @@
 
 use crate::images::image::Image;
 
-/// Step size of both updates: the norm of the differences is at most √8.
-const STEP: f32 = 0.353_553_4;
+const STEP: f32 = 0.353_553_4; // step size of both updates: the norm of the differences is at most √8
 
 /// Finds the set of pixels with the least sum of `evidence` plus `weight` times the length of the outline.
 ///

@@ -3,14 +3,10 @@
 use crate::clouds::depth::has_return;
 use crate::geometry::median::upper_median;
 
-/// Pixels that the plane is fitted to at most.
-const MAX_PIXELS: usize = 4000;
-/// Rounds of the plane's fit.
-const ROUNDS: usize = 6;
-/// Side of a cell, image radii.
-const CELL: f64 = 4.0;
-/// Pixels that a cell needs, squared image radii.
-const MIN_AREA: f64 = 2.0;
+const MAX_PIXELS: usize = 4000; // pixels that the plane is fitted to at most
+const ROUNDS: usize = 6; // rounds of the plane's fit
+const CELL: f64 = 4.0; // side of a cell, image radii
+const MIN_AREA: f64 = 2.0; // pixels that a cell needs, squared image radii
 
 /// Depth of the ropes' surface across an image: a fitted plane, and the residual in each cell.
 #[derive(Debug, Clone)]

@@ -47,35 +47,22 @@ pub struct Silhouette {
     surroundings: Option<Surroundings>,
 }
 
-/// Distances outside the mask are exact up to this and 4 pixels, image radii.
-const EXACT: f64 = 5.0;
-/// Margin around the mask, pixels.
-const PAD: usize = 6;
-/// Smaller blobs of mask are removed, squared image radii.
-const MAX_SPECK: f64 = 3.0;
-/// Smaller holes are filled, squared image radii.
-const MAX_HOLE: f64 = 0.25;
-/// The same for the most ragged mask, in addition, squared image radii.
-const RAGGED_HOLE: f64 = 1.0;
-/// Standard deviation of the smoothing, pixels.
-const SMOOTHING: f64 = 0.6;
-/// The same for the most ragged mask, in addition, image radii.
-const RAGGED_SMOOTHING: f64 = 0.3;
-/// Pixels of a hole in a ragged mask at least.
-const MIN_HOLE: usize = 4;
-/// Distance by which masks are too narrow at most, pixels.
-const MAX_SHRUNK: f64 = 0.7;
-/// Distance by which masks are too wide at most, pixels.
-const MAX_GROWN: f64 = 2.0;
-/// The same for masks that may show two ropes side by side, pixels.
-const MAX_GROWN_WIDE: f64 = 1.0;
-/// Masks wider than this may show two ropes side by side, image radii.
-const SIDE_BY_SIDE: f64 = 1.6;
+const EXACT: f64 = 5.0; // distances outside the mask are exact up to this and 4 pixels, image radii
+const PAD: usize = 6; // margin around the mask, pixels
+const MAX_SPECK: f64 = 3.0; // smaller blobs of mask are removed, squared image radii
+const MAX_HOLE: f64 = 0.25; // smaller holes are filled, squared image radii
+const RAGGED_HOLE: f64 = 1.0; // the same for the most ragged mask, in addition, squared image radii
+const SMOOTHING: f64 = 0.6; // standard deviation of the smoothing, pixels
+const RAGGED_SMOOTHING: f64 = 0.3; // the same for the most ragged mask, in addition, image radii
+const MIN_HOLE: usize = 4; // pixels of a hole in a ragged mask at least
+const MAX_SHRUNK: f64 = 0.7; // distance by which masks are too narrow at most, pixels
+const MAX_GROWN: f64 = 2.0; // distance by which masks are too wide at most, pixels
+const MAX_GROWN_WIDE: f64 = 1.0; // the same for masks that may show two ropes side by side, pixels
+const SIDE_BY_SIDE: f64 = 1.6; // masks wider than this may show two ropes side by side, image radii
 /// The mask shows something else if it is more than this too narrow, or by the second more than allowed too wide,
 /// pixels.
 const OTHER: [f64; 2] = [1.5, 0.5];
-/// Share of specks and holes in the most ragged mask.
-const RAGGED: f64 = 0.04;
+const RAGGED: f64 = 0.04; // share of specks and holes in the most ragged mask
 
 impl Silhouette {
     /// Prepares the mask of an image of `width` columns; None if it is empty without specks.

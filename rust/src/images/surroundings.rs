@@ -21,26 +21,16 @@ pub enum Shown {
     Behind,
 }
 
-/// Range around the ropes, image radii.
-const RANGE: f64 = 15.0;
-/// Side of a cell, image radii.
-const CELL: f64 = 0.4;
-/// Distances from the mask between which places count as beside it, image radii.
-const BESIDE: [f64; 2] = [1.5, 5.0];
-/// Height of things in front of the ropes at least, radii.
-const MIN_BEFORE: f64 = 2.5;
-/// Area of things that hide ropes at least, squared image radii.
-const MIN_AREA: f64 = 4.0;
-/// Distance of things that hide ropes from the mask at most, image radii.
-const MAX_DISTANCE: f64 = 1.5;
-/// Area of things without depth that hide ropes at least, squared image radii.
-const MIN_AREA_UNSEEN: f64 = 9.0;
-/// Share of places without depth beside the mask, above which these hide nothing.
-const MAX_UNSEEN: f64 = 0.4;
-/// Places up to this far behind the ropes' surface may be rope, radii.
-const LEVEL: f64 = 1.5;
-/// Places beside the ropes at least that show the background.
-const MIN_PLACES: usize = 20;
+const RANGE: f64 = 15.0; // range around the ropes, image radii
+const CELL: f64 = 0.4; // side of a cell, image radii
+const BESIDE: [f64; 2] = [1.5, 5.0]; // distances from the mask between which places count as beside it, image radii
+const MIN_BEFORE: f64 = 2.5; // height of things in front of the ropes at least, radii
+const MIN_AREA: f64 = 4.0; // area of things that hide ropes at least, squared image radii
+const MAX_DISTANCE: f64 = 1.5; // distance of things that hide ropes from the mask at most, image radii
+const MIN_AREA_UNSEEN: f64 = 9.0; // area of things without depth that hide ropes at least, squared image radii
+const MAX_UNSEEN: f64 = 0.4; // share of places without depth beside the mask, above which these hide nothing
+const LEVEL: f64 = 1.5; // places up to this far behind the ropes' surface may be rope, radii
+const MIN_PLACES: usize = 20; // places beside the ropes at least that show the background
 
 /// The pixels of ropes in an image.
 pub struct Ropes<'a> {

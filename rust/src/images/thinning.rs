@@ -2,8 +2,7 @@
 
 use crate::images::image::Image;
 
-/// Pixels of a word.
-const WORD_PIXELS: usize = u64::BITS as usize;
+const WORD_PIXELS: usize = u64::BITS as usize; // pixels of a word
 
 /// A mask with one bit for each pixel; its border is empty.
 #[derive(Debug, Clone)]

@@ -27,7 +27,6 @@ pub struct Around {
 /// The frame of a batch's single-precision coordinates.
 #[derive(Clone, Copy)]
 pub struct Frame {
-    /// Its origin.
     pub origin: Point,
     /// Its units in a metre.
     pub unit: f64,
@@ -37,8 +36,7 @@ pub struct Frame {
     pub extent: f64,
 }
 
-/// The numbers of the lanes.
-const LANE_NUMBERS: [u32; BATCH] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
+const LANE_NUMBERS: [u32; BATCH] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15]; // the numbers of the lanes
 
 /// The points that are certainly within reach of a whole box: their number, and the sums of the values that they carry.
 #[derive(Default, Clone, Copy)]
@@ -95,7 +93,6 @@ impl Around {
         Some(frame)
     }
 
-    /// Gathers the points that the sweep found.
     #[inline(always)]
     fn gather<S: Simd, const CARRY: bool>(
         &mut self,
@@ -196,7 +193,6 @@ impl Around {
         &self.values[..self.count]
     }
 
-    /// The number of points.
     #[inline(always)]
     pub fn count(&self) -> usize {
         self.count

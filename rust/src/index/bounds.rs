@@ -51,13 +51,11 @@ impl Bounds {
         dot(span, span)
     }
 
-    /// Returns its middle.
     #[inline(always)]
     pub fn middle(&self) -> Point {
         std::array::from_fn(|k| 0.5 * (self.low[k] + self.high[k]))
     }
 
-    /// The length of its diagonal.
     pub fn diagonal(&self) -> f64 {
         (0..3).map(|k| (self.high[k] - self.low[k]).powi(2)).sum::<f64>().sqrt()
     }

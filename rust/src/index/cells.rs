@@ -16,10 +16,8 @@ use super::{CROWDED, POINTS_PER_PART, SHORTEST, WIDE};
 use crate::geometry::Point;
 use crate::simd::BATCH;
 
-/// Bits of a cell's coordinate along one axis at most; three coordinates make a key.
-const AXIS_BITS: u32 = 19;
-/// Bits of the number of a cell inside a block.
-const BLOCK_BITS: u32 = 5;
+const AXIS_BITS: u32 = 19; // bits of a cell's coordinate along one axis at most; three coordinates make a key
+const BLOCK_BITS: u32 = 5; // bits of the number of a cell inside a block
 const IN_BLOCK: u64 = (1 << BLOCK_BITS) - 1;
 /// Bits of the number of a part of a cell along each axis, if the points of a cell are sorted by its parts.
 const PART_BITS: u32 = 2;
@@ -148,7 +146,6 @@ impl Cells {
         self.starts.push(sorted.len() as u32);
     }
 
-    /// Fills `rows`.
     fn number_rows(&mut self) {
         let [a, b, c] = self.last.map(|last| last as usize + 1);
         let Some(count) = a
@@ -189,12 +186,10 @@ impl Cells {
         self.wide || self.starts.windows(2).any(|pair| (pair[1] - pair[0]) as usize > CROWDED / 8)
     }
 
-    /// The number of points.
     pub fn len(&self) -> usize {
         self.order.len()
     }
 
-    /// The width of a cell.
     pub fn size(&self) -> f64 {
         self.size
     }
@@ -260,7 +255,6 @@ impl Cells {
 /// A row of the cells of a block.
 #[derive(Clone, Copy, Default)]
 struct Row {
-    /// Its first cell.
     first: u32,
     /// A bit for each cell that holds points.
     occupied: u32,
@@ -271,7 +265,6 @@ fn spread(x: u64) -> u64 {
     (x & 1) | ((x & 2) << 2) | ((x & 4) << 4)
 }
 
-/// Makes values from their indices.
 fn fill<T: Send>(count: usize, value: impl Fn(usize) -> T + Sync) -> Vec<T> {
     (0..count).into_par_iter().with_min_len(POINTS_PER_PART).map(&value).collect()
 }

@@ -10,11 +10,9 @@ use super::hierarchy::Hierarchy;
 use super::sort::sort_words;
 use crate::geometry::{Point, squared_distance};
 
-/// Bits of a cell's coordinate along one axis; three coordinates make a key.
-const AXIS_BITS: u32 = 21;
+const AXIS_BITS: u32 = 21; // bits of a cell's coordinate along one axis; three coordinates make a key
 
-/// Wider cells would hold many points out of reach, radii.
-const WIDE: f64 = 2.0;
+const WIDE: f64 = 2.0; // wider cells would hold many points out of reach, radii
 
 /// Points sorted by the cells of a uniform grid. Cells are at least one search radius wide.
 ///

@@ -17,12 +17,9 @@ pub mod remaining;
 #[cfg(test)]
 mod tests;
 
-/// Boxes of at most this many points are not divided.
-const LEAF_POINTS: usize = 8;
-/// Sorts of more points than this check whether the caller has given up.
-const LONG_SORT: usize = 4096;
-/// Depth of the tree at most: boxes are halved, so even 2³² points are not as deep.
-const MAX_DEPTH: usize = 40;
+const LEAF_POINTS: usize = 8; // boxes of at most this many points are not divided
+const LONG_SORT: usize = 4096; // sorts of more points than this check whether the caller has given up
+const MAX_DEPTH: usize = 40; // depth of the tree at most: boxes are halved, so even 2³² points are not as deep
 
 /// A binary tree of boxes around finite points, halved across their longest side.
 pub struct Hierarchy {
@@ -191,7 +188,6 @@ impl Hierarchy {
     }
 }
 
-/// Sorts points into boxes, recursively.
 fn divide(points: &mut [(Point, u32)], first: u32, nodes: &mut Vec<Node>) {
     if points.len() > LONG_SORT {
         go_on();

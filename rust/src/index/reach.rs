@@ -6,8 +6,7 @@ use super::{POINTS_PER_PART, SHORTEST};
 use crate::geometry::{Point, squared_distance};
 use crate::simd::kernel;
 
-/// Points at which the distance between neighbours is estimated.
-const SEEDS: usize = 16;
+const SEEDS: usize = 16; // points at which the distance between neighbours is estimated
 /// Fewest and most points of the part of the cloud, an eighth of it, in which neighbours are sought.
 const PART: [usize; 2] = [1024, 4096];
 

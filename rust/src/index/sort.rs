@@ -5,10 +5,8 @@ use rayon::prelude::*;
 use super::POINTS_PER_PART;
 use crate::parallel::Slots;
 
-/// Bits of a digit of the sort at most.
-const MAX_DIGIT_BITS: u32 = 10;
-/// Fewer words are sorted in one go.
-const MIN_RADIX_WORDS: usize = 2048;
+const MAX_DIGIT_BITS: u32 = 10; // bits of a digit of the sort at most
+const MIN_RADIX_WORDS: usize = 2048; // fewer words are sorted in one go
 
 /// Sorts words by `bits` bits above the `shift` lowest; equal ones keep their order.
 pub fn sort_words(mut words: Vec<u64>, shift: u32, bits: u32) -> Vec<u64> {

@@ -9,12 +9,9 @@ use super::code::GaussCode;
 
 /// Crossings of a diagram at most. Coefficients, up to 2 to the number of crossings, must stay below half the prime.
 pub const MAX_CROSSINGS: usize = 48;
-/// 2^61 − 1, a prime.
-const PRIME: u64 = (1 << 61) - 1;
-/// A root of unity modulo the prime.
-const ROOT: u64 = 484_083_891_529_811_867;
-/// The order of that root.
-const ORDER: u64 = 31;
+const PRIME: u64 = (1 << 61) - 1; // 2^61 − 1, a prime
+const ROOT: u64 = 484_083_891_529_811_867; // a root of unity modulo the prime
+const ORDER: u64 = 31; // the order of that root
 
 /// Returns the coefficients from the lowest power up, a palindrome with the sum 1; None for too many crossings.
 pub fn compute_alexander(code: &GaussCode) -> Option<Vec<i64>> {

@@ -11,11 +11,9 @@ use crate::geometry::boxes::Bounds;
 use crate::geometry::{Point, advance, dot, squared_distance, sub};
 use crate::parallel::go_on;
 
-/// Directions that are tried before a chain counts as too tangled.
-const TOO_TANGLED: usize = 4;
+const TOO_TANGLED: usize = 4; // directions that are tried before a chain counts as too tangled
 
-/// Relative margin of triangles when the search excludes those that cannot be met.
-const ROUNDING: f64 = 1e-9;
+const ROUNDING: f64 = 1e-9; // relative margin of triangles when the search excludes those that cannot be met
 
 /// Returns directions spread evenly over the sphere: a Fibonacci lattice.
 pub fn spread_directions(count: usize) -> impl Iterator<Item = Point> {

@@ -3,7 +3,6 @@
 /// A passage of the knot through a crossing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Visit {
-    /// The crossing's number.
     pub crossing: u32,
     /// Whether this is the upper strand.
     pub over: bool,
@@ -18,12 +17,10 @@ pub struct GaussCode {
 }
 
 impl GaussCode {
-    /// The number of crossings.
     pub fn crossings(&self) -> usize {
         self.signs.len()
     }
 
-    /// The sum of the signs.
     pub fn writhe(&self) -> i64 {
         self.signs.iter().map(|&sign| i64::from(sign)).sum()
     }

@@ -23,10 +23,8 @@ const VIEWPOINTS: [Point; 9] = [
     [-0.3347, 0.1427, 0.9315],
     [0.0771, 0.9613, 0.2645],
 ];
-/// Views that are compared; the others replace views from which a strand lies over a node.
-const COMPARED: usize = 3;
-/// Diagrams with at most this many crossings need no comparison.
-const FEW_CROSSINGS: usize = 7;
+const COMPARED: usize = 3; // views that are compared; the others replace views from which a strand lies over a node
+const FEW_CROSSINGS: usize = 7; // diagrams with at most this many crossings need no comparison
 
 /// The knot that the polynomials of a diagram give.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
@@ -48,7 +46,6 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// Returns an unknown knot.
     pub fn unknown() -> Self {
         Self { kind: Kind::Unknown(None), code: GaussCode::default(), alexander: None, jones: None }
     }

@@ -12,8 +12,7 @@ use crate::parallel::go_on;
 /// Crossings of a diagram at most. Coefficients are at most 2 to the number of crossings, so intermediate sums may wrap
 /// at 2^64.
 pub const MAX_CROSSINGS: usize = 40;
-/// Open edges at most; there are 1430 ways to join them.
-const MAX_OPEN: usize = 16;
+const MAX_OPEN: usize = 16; // open edges at most; there are 1430 ways to join them
 
 /// A Laurent polynomial: the exponent of the first coefficient, and the coefficients from there up.
 pub type Laurent = (i64, Vec<i64>);

@@ -7,12 +7,9 @@ use super::thinning::thin;
 use crate::geometry::Point;
 use crate::geometry::polyline::arc_length;
 
-/// Lead in closures that decides during the search whether a stretch is knotted.
-const LEAD: usize = 2;
-/// Lead in closures that decides about the final stretch.
-const CLEAR_LEAD: usize = 6;
-/// Resolution of the core's ends, lengths of the chain.
-const STEP: f64 = 0.02;
+const LEAD: usize = 2; // lead in closures that decides during the search whether a stretch is knotted
+const CLEAR_LEAD: usize = 6; // lead in closures that decides about the final stretch
+const STEP: f64 = 0.02; // resolution of the core's ends, lengths of the chain
 
 /// Finds the first and last node of the core of a chain: most of `closures` closures give the knot of a diagram.
 ///

@@ -9,8 +9,7 @@ use crate::parallel::go_on;
 
 /// Uncertain crossings that are tried both ways, the least certain first; the others must be right.
 const TRIED: usize = 10;
-/// Combinations less likely than this count as other knots, probability.
-const MIN_CHANCE: f64 = 1e-8;
+const MIN_CHANCE: f64 = 1e-8; // combinations less likely than this count as other knots, probability
 
 /// Returns the probability that a diagram shows the right knot, given each crossing's probability to be right.
 ///

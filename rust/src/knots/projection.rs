@@ -5,14 +5,11 @@ use crate::geometry::boxes::{Bounds, BoxTree};
 use crate::geometry::{Point, cross, dot, normalized};
 use crate::parallel::go_on;
 
-/// Crossings of a diagram at most.
-pub const MAX_CROSSINGS: usize = 20_000;
-/// Pairs of segments that are examined at most.
-const MAX_PAIRS: usize = 200_000_000;
+pub const MAX_CROSSINGS: usize = 20_000; // crossings of a diagram at most
+const MAX_PAIRS: usize = 200_000_000; // pairs of segments that are examined at most
 /// A crossing nearer to a node than this may be on either side of it, lengths of the segment.
 const NEAR_NODE: f64 = 1e-9;
-/// Strands whose heights differ less than this meet, extents.
-const NEAR_STRAND: f64 = 1e-12;
+const NEAR_STRAND: f64 = 1e-12; // strands whose heights differ less than this meet, extents
 
 /// Why there is no diagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

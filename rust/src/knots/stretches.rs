@@ -10,8 +10,7 @@ use super::reidemeister::reduced;
 use crate::geometry::Point;
 use crate::parallel::go_on;
 
-/// Step from one direction to the next; coprime to the number of directions.
-const STRIDE: usize = 19;
+const STRIDE: usize = 19; // step from one direction to the next; coprime to the number of directions
 
 /// A chain, and its views from the directions of closures so far.
 pub struct Stretches<'a> {

@@ -12,10 +12,8 @@ use crate::parallel::go_on;
 
 /// Pairs of a triangle and a segment that are examined at most; beyond that, superfluous nodes stay.
 const MAX_PAIRS: usize = 50_000_000;
-/// A pass that removes less than one node in this many is the last.
-const MIN_YIELD: usize = 10;
-/// Rounding of coordinates, extents.
-const ROUNDING: f64 = 1e-14;
+const MIN_YIELD: usize = 10; // a pass that removes less than one node in this many is the last
+const ROUNDING: f64 = 1e-14; // rounding of coordinates, extents
 
 /// A polyline and its superfluous nodes, in the order of their removal.
 pub struct Thinned<'a> {

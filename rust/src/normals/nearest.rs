@@ -13,16 +13,12 @@ use crate::index::reach::reach_of;
 use crate::parallel;
 use crate::simd::{BATCH, Simd, Singles, kernel};
 
-/// Width of a cell, distances of the k-th neighbour.
-const WIDTH: f64 = 1.3;
-/// Reach of the first search, distances of the k-th neighbour.
-const FIRST_REACH: f64 = 1.3;
-/// Reach of the last search, cells; the tree finds the neighbours of much sparser points.
-const MAX_REACH: f64 = 8.0;
+const WIDTH: f64 = 1.3; // width of a cell, distances of the k-th neighbour
+const FIRST_REACH: f64 = 1.3; // reach of the first search, distances of the k-th neighbour
+const MAX_REACH: f64 = 8.0; // reach of the last search, cells; the tree finds the neighbours of much sparser points
 /// Points that a search meets at most, for each neighbour; the tree finds the neighbours of much denser points.
 const MAX_MET: usize = 64;
-/// Rounds of the search for the k-th distance at most.
-const MAX_ROUNDS: usize = 24;
+const MAX_ROUNDS: usize = 24; // rounds of the search for the k-th distance at most
 
 /// Fits a plane to the `k` nearest points of each point.
 pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {

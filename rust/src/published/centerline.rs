@@ -14,8 +14,7 @@ use crate::parallel;
 use crate::parallel::Slots;
 use crate::simd::{BATCH, Doubles, LANES, kernel};
 
-/// Cells within the reach of the average.
-const CELLS: f64 = 2.0;
+const CELLS: f64 = 2.0; // cells within the reach of the average
 
 /// Points on the rope's axis.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -111,8 +111,7 @@ impl Array<bool> {
 /// Memory that a kernel needs, about, multiples of its argument. It is reserved before the work begins, because running
 /// out of memory inside Rust ends the process.
 const WORK: usize = 8;
-/// Smallest argument for which memory is reserved, bytes.
-const LARGE: usize = 1 << 20;
+const LARGE: usize = 1 << 20; // smallest argument for which memory is reserved, bytes
 
 /// Returns an array's numbers; None if they are not in C order.
 fn taken<T: Element + Copy + 'static, D: Dimension>(
@@ -249,19 +248,16 @@ pub(super) fn named(py: Python<'_>, name: &str, error: PyErr) -> PyErr {
     }
 }
 
-/// Takes N numbers.
 pub(super) fn numbers<const N: usize>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; N]> {
     let array = FloatArray::of_numbers(name, value)?;
     let found = array.slice().try_into().ok().filter(|_| array.shape.len() == 1);
     found.ok_or_else(|| wrong_shape(name, &format!("({N},)"), &array.shape))
 }
 
-/// Takes a place or a vector.
 pub(super) fn point(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Point> {
     numbers(name, value)
 }
 
-/// Takes a real number.
 pub(super) fn number(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
     value.extract().map_err(|error: PyErr| match error.is_instance_of::<PyOverflowError>(value.py()) {
         true => {
@@ -280,7 +276,6 @@ pub(super) fn count(name: &str, value: &Bound<'_, PyAny>) -> PyResult<usize> {
         .map_err(|_| PyValueError::new_err(format!("{name}: expected a number >= 0, got {number}")))
 }
 
-/// Takes a rigid motion.
 pub(super) fn motion(name: &str, value: &Bound<'_, PyAny>) -> PyResult<RigidMotion> {
     let array = FloatArray::of_numbers(name, value)?;
     let rows: Option<[[f64; 4]; 4]> = array.slice().as_chunks().0.try_into().ok();

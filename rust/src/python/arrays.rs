@@ -167,7 +167,6 @@ pub(super) fn constant_points(py: Python<'_>, points: Vec<Point>) -> PyResult<Po
     constant(py, points.into_flattened(), [rows, 3])
 }
 
-/// Makes an (N, 3) array.
 pub(super) fn points_array(py: Python<'_>, points: Vec<Point>) -> PyResult<PointsArray<'_>> {
     let rows = points.len();
     array(py, points.into_flattened(), [rows, 3])

@@ -11,8 +11,7 @@ use super::arrays::{PointsArray, list, points_array};
 use super::released::released;
 use crate::error::Error;
 
-/// Chains that are converted to arrays between two checks for signals.
-const CHAINS_BETWEEN_SIGNALS: usize = 1 << 14;
+const CHAINS_BETWEEN_SIGNALS: usize = 1 << 14; // chains that are converted to arrays between two checks for signals
 
 /// Compute axis points from surface points and normals (section IV-D, eq. 16-18).
 ///

@@ -30,15 +30,6 @@ type Crossings<'py> = (Bound<'py, PyArray2<i64>>, Bound<'py, PyArray2<f64>>, Bou
 /// -------
 /// (n, 3) ndarray
 ///     Control points, metres, n >= 4; the parameter runs from 0 to n - 3.
-///
-/// Raises
-/// ------
-/// TypeError
-///     If `nodes` does not hold floating point numbers.
-/// ValueError
-///     If `nodes` is not (M, 3) or not finite, or a length is out of range.
-/// strand.NotEnoughDataError
-///     If there are fewer than two different nodes.
 #[pyfunction]
 pub(super) fn fit_spline<'py>(
     py: Python<'py>,
@@ -142,15 +133,6 @@ pub(super) fn find_overlaps<'py>(
 ///     Where they cross along each segment, from 0 to 1.
 /// turns : (K,) ndarray of int8
 ///     1 if the second segment crosses the first from right to left, else -1.
-///
-/// Raises
-/// ------
-/// TypeError
-///     If an array has another dtype.
-/// ValueError
-///     If an array has another shape, `nodes` is not finite, or a segment names a node that does not exist.
-/// MemoryError
-///     If the pairs do not fit in memory.
 #[pyfunction]
 pub(super) fn find_crossed_segments<'py>(
     py: Python<'py>,

@@ -328,11 +328,6 @@ fn earlier(previous: &Bound<'_, TubeFit>, tubes: &[Tube], count: usize) -> PyRes
 /// -------
 /// list of ((float, float) or None)
 ///     The first and the last parameter of each rope; None if fewer than eight points support the curve.
-///
-/// Raises
-/// ------
-/// ValueError
-///     If there is not one tolerance for each curve.
 #[pyfunction]
 #[pyo3(signature = (fit, surface_tolerance = None))]
 pub(super) fn find_extents(

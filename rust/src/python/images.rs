@@ -39,11 +39,6 @@ type Hypothesis<'py> = (usize, Vec<Bound<'py, PyAny>>);
 ///     Camera to world.
 /// radius : float
 ///     The ropes' radius, metres.
-///
-/// Raises
-/// ------
-/// ValueError
-///     If the sequences differ in length, a shape is wrong, or a mask shows no rope with depth.
 #[pyclass(frozen, module = "strand._core")]
 pub(super) struct RopeImages(Arc<Prepareds>);
 

@@ -12,8 +12,7 @@ use crate::images::outline;
 use crate::images::silhouette::Silhouette;
 use crate::parallel;
 
-/// Steps of an outline at most; it takes hundreds.
-const MAX_STEPS: usize = 100_000;
+const MAX_STEPS: usize = 100_000; // steps of an outline at most; it takes hundreds
 
 /// Convolve an image (H, W) along rows and columns with a symmetric kernel, given from its middle on, in single
 /// precision; beyond the border are zeros.

@@ -14,10 +14,8 @@ use crate::error::Error;
 use crate::geometry::{Point, RigidMotion};
 use crate::queries::{self, Path, Place, Sweep};
 
-/// Points that take the time of one item.
-const POINTS_PER_ITEM: usize = 4;
-/// Items of a moving box, which is examined at many times.
-const ITEMS_PER_BOX: usize = 16;
+const POINTS_PER_ITEM: usize = 4; // points that take the time of one item
+const ITEMS_PER_BOX: usize = 16; // items of a moving box, which is examined at many times
 
 /// The tubes of several chains. They are built once; each query then takes microseconds.
 ///
@@ -29,18 +27,9 @@ const ITEMS_PER_BOX: usize = 16;
 ///     Each chain's arc length at its nodes, metres.
 /// radii : sequence of float
 ///     Each chain's radius, metres.
-///
-/// Raises
-/// ------
-/// TypeError
-///     If an array does not hold floating point numbers.
-/// ValueError
-///     If the sequences differ in length, a shape is wrong, a coordinate is not finite, consecutive nodes are equal, or a
-///     radius is not positive.
 #[pyclass(frozen, module = "strand._core")]
 pub(super) struct TubeQueries {
     queries: Arc<queries::TubeQueries>,
-    /// The arguments, for pickles.
     nodes: Vec<Points>,
     arc_lengths: Vec<FloatArray>,
     radii: Vec<f64>,

@@ -12,12 +12,9 @@ use pyo3::prelude::*;
 use super::StrandError;
 use crate::parallel::{self, Caller};
 
-/// Longest time that a signal waits for its handler.
-const PATIENCE: Duration = Duration::from_millis(50);
-/// Items whose work takes less time than that.
-const FEW_ITEMS: usize = 20_000;
-/// Points that count as one item, where each takes some nanoseconds.
-pub(super) const CHEAP: usize = 16;
+const PATIENCE: Duration = Duration::from_millis(50); // longest time that a signal waits for its handler
+const FEW_ITEMS: usize = 20_000; // items whose work takes less time than that
+pub(super) const CHEAP: usize = 16; // points that count as one item, where each takes some nanoseconds
 
 /// The place of the last panic.
 static PLACE: Mutex<String> = Mutex::new(String::new());

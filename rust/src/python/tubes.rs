@@ -30,13 +30,6 @@ const _: () = assert!(MIN_NODES == 4);
 /// (K, 2) ndarray
 ///     For each seed on a stretch of rope, half the rope's apparent width, and the side of the square that each of its
 ///     points stands for, metres. Strands side by side look like one wide rope.
-///
-/// Raises
-/// ------
-/// TypeError
-///     If `points` does not hold floating point numbers.
-/// ValueError
-///     If `points` is not (N, 3), a coordinate is not finite, or `largest` is not positive.
 #[pyfunction]
 pub(super) fn estimate_radii<'py>(
     py: Python<'py>,

@@ -43,13 +43,6 @@ pub(super) fn occludes(
 ///     For each view, points in the camera frame near all places that callers will ask about, metres.
 /// poses : sequence of (4, 4) array_like of float
 ///     Camera to world.
-///
-/// Raises
-/// ------
-/// TypeError
-///     If a cloud does not hold floating point numbers.
-/// ValueError
-///     If the sequences differ in length, a shape is wrong, a coordinate is not finite, or a pose is no rigid motion.
 #[pyclass(frozen, module = "strand._core")]
 pub(super) struct Visibility(Arc<visibility::Visibility>);
 

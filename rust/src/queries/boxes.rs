@@ -11,18 +11,12 @@ use super::least::least_place;
 use super::rays::Line;
 use crate::geometry::{Point, RigidMotion, advance, cross, dot};
 
-/// Steps at most; only rounding can reach this, and the rest then counts as contact.
-const MAX_STEPS: usize = 10_000;
-/// Improvements of a step's length.
-const CHORDS: usize = 3;
-/// Open intervals of time at most; there are fewer, because intervals are halved.
-const MAX_OPEN: usize = 80;
-/// Shorter intervals of time are not divided, shares of the motion.
-const BRIEF: f64 = 1e-12;
-/// Slack of a contact, metres.
-const NEAR: f64 = 1e-6;
-/// Slack of a contact, shares of the corners' way by turning.
-const OF_TURN: f64 = 1e-5;
+const MAX_STEPS: usize = 10_000; // steps at most; only rounding can reach this, and the rest then counts as contact
+const CHORDS: usize = 3; // improvements of a step's length
+const MAX_OPEN: usize = 80; // open intervals of time at most; there are fewer, because intervals are halved
+const BRIEF: f64 = 1e-12; // shorter intervals of time are not divided, shares of the motion
+const NEAR: f64 = 1e-6; // slack of a contact, metres
+const OF_TURN: f64 = 1e-5; // slack of a contact, shares of the corners' way by turning
 
 /// Finds the place of a segment, from 0 to 1, that is nearest to an axis-aligned box around the origin; returns it and
 /// the vector from the box to it.

@@ -6,10 +6,8 @@ use super::rays::Line;
 use crate::geometry::{Point, advance, dot, squared_distance, sub};
 use crate::index::bounds::Bounds;
 
-/// Boxes of at most this many capsules are not divided.
-const LEAF_CAPSULES: usize = 4;
-/// Depth of the tree at most: boxes are halved, so even 2³² capsules are not as deep.
-const MAX_DEPTH: usize = 40;
+const LEAF_CAPSULES: usize = 4; // boxes of at most this many capsules are not divided
+const MAX_DEPTH: usize = 40; // depth of the tree at most: boxes are halved, so even 2³² capsules are not as deep
 
 /// A binary tree of boxes around the axes of capsules, halved across their longest side.
 pub struct Hierarchy {

@@ -7,18 +7,12 @@ use crate::geometry::median::median;
 use crate::geometry::{Point, advance, dot, sub};
 use crate::tubes::tubefit::Tube;
 
-/// Width of the bins in which points are counted, radii.
-const BIN: f64 = 0.5;
-/// Points nearer than this to an end may also lie on another rope's surface, radii.
-const NEAR_END: f64 = 7.0;
-/// Distances from an end between which the density of points is measured, radii.
-const INSIDE: [f64; 2] = [1.0, 5.0];
-/// Largest distance of an end from the first full bin, radii.
-const REACH: f64 = 1.5;
-/// Largest length of a curve, radii.
-const MAX_RADII: f64 = 1e6;
-/// Points that support a curve at least.
-const MIN_POINTS: usize = 8;
+const BIN: f64 = 0.5; // width of the bins in which points are counted, radii
+const NEAR_END: f64 = 7.0; // points nearer than this to an end may also lie on another rope's surface, radii
+const INSIDE: [f64; 2] = [1.0, 5.0]; // distances from an end between which the density of points is measured, radii
+const REACH: f64 = 1.5; // largest distance of an end from the first full bin, radii
+const MAX_RADII: f64 = 1e6; // largest length of a curve, radii
+const MIN_POINTS: usize = 8; // points that support a curve at least
 
 /// Surface points and the curves that explain them, in arrays of one length.
 #[derive(Debug, Clone, Copy)]
@@ -29,7 +23,6 @@ pub(crate) struct OnTubes<'a> {
     pub curve: &'a [i64],
     /// The curve's parameter at its foot point.
     pub parameter: &'a [f64],
-    /// Position, metres.
     pub position: &'a [Point],
     /// Unit vector to the camera that saw it.
     pub to_camera: &'a [Point],
@@ -43,10 +36,6 @@ pub(crate) struct OnTubes<'a> {
 /// Near an end, points may also lie on another curve's surface, and then say nothing about the end. `surface_tolerance`
 /// gives for each curve the largest distance from its surface at which points count as on it, metres; the function
 /// skips these points. With None it counts all points.
-///
-/// # Errors
-/// [`InvalidArgument`](Error::InvalidArgument) if a curve is not finite, a radius is not positive, or a curve is too
-/// long for its radius.
 pub(crate) fn rope_extents(
     tubes: &[Tube],
     radii: &[f64],

@@ -16,25 +16,19 @@ use crate::normals::Viewpoints;
 use crate::parallel;
 use crate::tubes::tubelet::{Freedom, Patch, Support, Tubelet, fit, make_frame};
 
-/// Largest distance of points from a tubelet's centre that matter to it, radii.
-const PATCH: f64 = 2.6;
-/// Score of a seed at least, as a share of the seeds' 90th percentile.
-const MIN_SCORE: f64 = 0.25;
-/// Seeds nearer than this to a node are dropped, radii.
-const CLEARANCE: f64 = 0.7;
-/// An arc ends nearer than this to another arc, or to its own earlier nodes, radii.
-const COLLISION: f64 = 0.6;
+const PATCH: f64 = 2.6; // largest distance of points from a tubelet's centre that matter to it, radii
+const MIN_SCORE: f64 = 0.25; // score of a seed at least, as a share of the seeds' 90th percentile
+const CLEARANCE: f64 = 0.7; // seeds nearer than this to a node are dropped, radii
+const COLLISION: f64 = 0.6; // an arc ends nearer than this to another arc, or to its own earlier nodes, radii
 /// Side of the cubes in which nodes are looked up, radii: much longer than these two, so most look-ups meet one or two
 /// cubes.
 const CUBE: f64 = 6.0;
 /// Default of the fewest nodes of an arc.
 pub const MIN_NODES: usize = 4;
-/// Distance between the nodes of an arc, radii.
-const STEP: f64 = 0.5;
+const STEP: f64 = 0.5; // distance between the nodes of an arc, radii
 /// Sides of the voxels that give one seed each, radii; a smaller side follows where arcs left points free.
 const SEED_VOXELS: [f64; 3] = [4.8, 2.4, 0.8];
-/// Directions that are tried at a seed.
-const DIRECTIONS: usize = 6;
+const DIRECTIONS: usize = 6; // directions that are tried at a seed
 /// Seeds that one task fits; fixed, so that results do not depend on the number of threads.
 const SEEDS_PER_TASK: usize = 4;
 
@@ -58,9 +52,8 @@ pub struct Arc {
 ///
 /// 1. It fits tubelets in several directions at seeds 4.8 r apart.
 /// 2. From the best free tubelet, it follows the axis both ways in steps of r / 2. Each step is a fit with a prior
-/// around the
-///    last one. An arc ends where no points lie ahead, the axis jumps or turns by more than 0.5 rad, points lie inside the
-///    tube, or another arc is near.
+///    around the last one. An arc ends where no points lie ahead, the axis jumps or turns by more than 0.5 rad, points
+///    lie inside the tube, or another arc is near.
 /// 3. The arc claims its points, and the next best seed follows.
 /// 4. The same is done with seeds 2.4 r and 0.8 r apart among the remaining points.
 ///

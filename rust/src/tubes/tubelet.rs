@@ -5,11 +5,9 @@ use nalgebra::{Matrix6, Vector6};
 use crate::geometry::{Point, advance, cross, dot, normalized, sub};
 use crate::simd::{Eight, LANES, Lanes, Simd, Three, kernel};
 
-/// Standard deviation of the points' distances, which weighs them against the priors, radii.
-const NOISE: f64 = 0.25;
+const NOISE: f64 = 0.25; // standard deviation of the points' distances, which weighs them against the priors, radii
 
-/// Blocks for which a patch reserves memory.
-const TYPICAL_BLOCKS: usize = 64;
+const TYPICAL_BLOCKS: usize = 64; // blocks for which a patch reserves memory
 
 /// A piece of a bent tube with the axis c + a τ + ½ a² κ, where |a| is at most its half length.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -7,14 +7,10 @@ use crate::index::bounds::Bounds;
 use crate::index::cells::Cells;
 use crate::simd::{BATCH, Simd, Singles};
 
-/// Listed points lie within this distance of the nearest, cells.
-const SPREAD: f64 = 0.35;
-/// Reach of the search, cells; the tree finds farther partners.
-const MAX_REACH: f64 = 2.0;
-/// Points that a search meets at most; the tree finds partners in denser places.
-const MAX_MET: usize = 2048;
-/// Points in the cells that a search touches, at most, for each point that it may meet.
-const MAX_EXAMINED: usize = 4;
+const SPREAD: f64 = 0.35; // listed points lie within this distance of the nearest, cells
+const MAX_REACH: f64 = 2.0; // reach of the search, cells; the tree finds farther partners
+const MAX_MET: usize = 2048; // points that a search meets at most; the tree finds partners in denser places
+const MAX_EXAMINED: usize = 4; // points in the cells that a search touches, at most, for each point that it may meet
 
 /// Finds the partners of some lanes of a batch.
 #[inline(always)]

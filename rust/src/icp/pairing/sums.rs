@@ -15,15 +15,13 @@ pub struct Pairs {
     source_points: usize,
 }
 
-/// The number of summed terms.
-pub(super) const TERMS: usize = 17;
+pub(super) const TERMS: usize = 17; // the number of summed terms
 
 impl Pairs {
     pub(super) fn new(sums: [f64; TERMS], origin: Point, source_points: usize) -> Self {
         Self { sums, origin, source_points }
     }
 
-    /// The number of pairs.
     pub fn count(&self) -> f64 {
         self.sums[0]
     }

@@ -13,7 +13,6 @@ pub struct Factored<const W: usize> {
 }
 
 impl<const W: usize> Band<W> {
-    /// Makes a zero matrix.
     pub fn zeros(n: usize) -> Self {
         Self { rows: vec![[0.0; W]; n] }
     }

@@ -8,10 +8,8 @@ use super::{Misfit, Place2, RopeView, STEP, Sensor};
 const COVERS: (f64, f64) = (1.2, 0.5);
 /// Tube within this distance of the axis must lie in the mask, image radii, less pixels.
 const FILLS: (f64, f64) = (0.7, 0.3);
-/// Noise that divides depth residuals, radii.
-const NOISE: f64 = 0.5;
-/// Limit of a squared depth residual over the noise.
-const LIMIT: f64 = 6.0;
+const NOISE: f64 = 0.5; // noise that divides depth residuals, radii
+const LIMIT: f64 = 6.0; // limit of a squared depth residual over the noise
 
 /// Adds the misfit of one view.
 pub fn add_view(

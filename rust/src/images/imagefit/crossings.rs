@@ -3,18 +3,14 @@
 use super::smoothing::{Gap, Profile};
 use super::{APART, HIDES, OnChain, Place2, STEP, TOUCHING};
 
-/// Pairs nearer than this in both places along the rope belong to one crossing, samples.
-const TOGETHER: usize = 5;
+const TOGETHER: usize = 5; // pairs nearer than this in both places along the rope belong to one crossing, samples
 /// Crossings nearer than this along either strand are one, samples: what separates them is jitter.
 const WINDING: usize = 4;
-/// Length of the pieces in which a long overlap is kept apart, samples.
-const STRETCH: usize = 8;
-/// Pairs of neighbouring crossings at most whose orders are flipped together.
-const MAX_DOUBLE: usize = 24;
+const STRETCH: usize = 8; // length of the pieces in which a long overlap is kept apart, samples
+const MAX_DOUBLE: usize = 24; // pairs of neighbouring crossings at most whose orders are flipped together
 /// Work on the orders of all crossings together at most: samples times crossings of each solution.
 const MAX_WORK: usize = 100_000_000;
-/// A crossing is not tried again if its two orders alone differ by more than this, cost.
-const CLEAR: f64 = 20.0;
+const CLEAR: f64 = 20.0; // a crossing is not tried again if its two orders alone differ by more than this, cost
 
 /// A crossing of two strands in an image.
 #[derive(Debug, Clone, PartialEq)]

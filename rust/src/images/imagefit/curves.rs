@@ -9,10 +9,8 @@ use crate::geometry::polyline::{arc_length, resampled, smoothed};
 use crate::geometry::spline::Spline;
 use crate::geometry::{Point, advance, normalized};
 
-/// Length of a span, radii.
-const SPAN: f64 = 1.5;
-/// Length of the cap at each end, radii.
-const CAP: f64 = 1.2;
+const SPAN: f64 = 1.5; // length of a span, radii
+const CAP: f64 = 1.2; // length of the cap at each end, radii
 /// Integrals over a span of products of the second derivatives of a uniform cubic B-spline's four pieces.
 const SECOND: [[f64; 4]; 4] = [
     [1.0 / 3.0, -0.5, 0.0, 1.0 / 6.0],
@@ -20,8 +18,7 @@ const SECOND: [[f64; 4]; 4] = [
     [0.0, -0.5, 1.0, -0.5],
     [1.0 / 6.0, 0.0, -0.5, 1.0 / 3.0],
 ];
-/// Third derivatives of the four pieces.
-const THIRD: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
+const THIRD: [f64; 4] = [-1.0, 3.0, -3.0, 1.0]; // third derivatives of the four pieces
 
 /// A sample: the weights of its four control points, for the position and for the derivative by the parameter.
 #[derive(Debug, Clone, Copy)]

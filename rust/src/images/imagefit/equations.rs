@@ -9,7 +9,6 @@ use crate::geometry::banded::Bordered;
 pub struct Columns {
     /// The first of its pose's six unknowns; None if the pose is held.
     pub pose: Option<usize>,
-    /// Its bias.
     pub bias: usize,
 }
 
@@ -72,7 +71,6 @@ impl Sums {
         g[2] += wz * value;
     }
 
-    /// Adds a residual of a view.
     #[inline]
     pub fn add(&mut self, sample: usize, columns: Columns, residual: &Residual) {
         let Residual { value, weight, by_place, by_pose, by_bias } = *residual;

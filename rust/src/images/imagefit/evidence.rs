@@ -9,22 +9,15 @@ use crate::geometry::median::upper_median;
 use crate::geometry::polyline::append_directions;
 use crate::geometry::{Point, cross, dot};
 
-/// Edge pixels whose errors are correlated.
-const EDGE_PIXELS: f64 = 16.0;
-/// Deviation of a rope's outline from a circle, radii.
-const ROUNDNESS: f64 = 0.04;
+const EDGE_PIXELS: f64 = 16.0; // edge pixels whose errors are correlated
+const ROUNDNESS: f64 = 0.04; // deviation of a rope's outline from a circle, radii
 /// An edge belongs to another strand if the cosine between its normal and the rope's direction is larger.
 const MAX_ALONG: f64 = 0.45;
-/// Depth of samples inside the mask at least, image radii.
-const MIN_INSIDE: f64 = 0.85;
-/// Weight of that, for each radius of length.
-const INSIDE_WEIGHT: f64 = 8.0;
-/// Weight with which ends stay in place.
-const END_WEIGHT: f64 = 10.0;
-/// Larger depth residuals count linearly, not squared, standard deviations.
-const HUBER: f64 = 1.5;
-/// Distance of a rope from a camera at least, metres.
-const MIN_DEPTH: f64 = 1e-3;
+const MIN_INSIDE: f64 = 0.85; // depth of samples inside the mask at least, image radii
+const INSIDE_WEIGHT: f64 = 8.0; // weight of that, for each radius of length
+const END_WEIGHT: f64 = 10.0; // weight with which ends stay in place
+const HUBER: f64 = 1.5; // larger depth residuals count linearly, not squared, standard deviations
+const MIN_DEPTH: f64 = 1e-3; // distance of a rope from a camera at least, metres
 
 /// The samples as one view sees them.
 #[derive(Debug, Default)]

@@ -10,16 +10,12 @@ use crate::geometry::median::{MEDIAN_TO_SD, median};
 use crate::geometry::polyline::{arc_length, resampled};
 use crate::geometry::{Point, advance};
 
-/// Depths away from other strands, at least, that estimate the noise.
-const MIN_DEPTHS: usize = 10;
-/// Samples of a chain's tip.
-const TIP: usize = 2;
-/// An end lies over or under a strand only if the opposite order costs this much more.
-const LIES_OVER: f64 = 8.0;
+const MIN_DEPTHS: usize = 10; // depths away from other strands, at least, that estimate the noise
+const TIP: usize = 2; // samples of a chain's tip
+const LIES_OVER: f64 = 8.0; // an end lies over or under a strand only if the opposite order costs this much more
 /// Length of a rope relative to its apparent length at most; beyond it, the depth is that of other things.
 const MAX_STRETCH: f64 = 20.0;
-/// Least and largest noise of depth, radii.
-const NOISE: (f64, f64) = (0.15, 2.0);
+const NOISE: (f64, f64) = (0.15, 2.0); // least and largest noise of depth, radii
 
 /// Polylines in space, and their crossings.
 #[derive(Debug, Clone, PartialEq)]

@@ -5,10 +5,8 @@ use crate::clouds::depth::has_return;
 use crate::images::silhouette::Silhouette;
 use crate::parallel;
 
-/// Radius of a disc, image radii.
-const DISC: f64 = 0.6;
-/// Returns in a disc at least.
-const MIN_RETURNS: usize = 3;
+const DISC: f64 = 0.6; // radius of a disc, image radii
+const MIN_RETURNS: usize = 3; // returns in a disc at least
 
 /// Median depths on a grid over an image, and the image's pixels inside the silhouette.
 ///

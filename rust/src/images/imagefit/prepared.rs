@@ -10,11 +10,9 @@ use crate::images::silhouette::Silhouette;
 use crate::images::surroundings::Surroundings;
 use crate::parallel;
 
-/// More ragged masks are mended by depth, 0 to 1.
-const RAGGED: f64 = 0.25;
+const RAGGED: f64 = 0.25; // more ragged masks are mended by depth, 0 to 1
 
-/// Thinner ropes show no axis, pixels.
-const MIN_RADIUS: f64 = 0.2;
+const MIN_RADIUS: f64 = 0.2; // thinner ropes show no axis, pixels
 
 /// One camera's data, prepared for readings and fits.
 pub struct Prepared {

@@ -4,12 +4,9 @@ use super::{Plane, RopeView};
 use crate::geometry::{Point, cross, dot, normalized, squared_distance, sub};
 use crate::images::image::Image;
 
-/// Limit of a squared residual over the noise.
-const LIMIT: f64 = 9.0;
-/// Distance between the balls that a tube is drawn with, radii.
-const SPACING: f64 = 0.25;
-/// Depth of what a camera sees at least, metres.
-const MIN_DEPTH: f64 = 1e-3;
+const LIMIT: f64 = 9.0; // limit of a squared residual over the noise
+const SPACING: f64 = 0.25; // distance between the balls that a tube is drawn with, radii
+const MIN_DEPTH: f64 = 1e-3; // depth of what a camera sees at least, metres
 
 /// One view's depth, and what it is compared with.
 pub struct DepthScene<'a> {

@@ -4,14 +4,10 @@ use super::STEP;
 use super::curves::Curves;
 use crate::geometry::median::{MEDIAN_TO_SD, upper_median};
 
-/// Largest distance over which residuals are compared, samples.
-const LAGS: usize = 16;
-/// Residuals with a smaller correlation count as independent.
-const MIN_CORRELATION: f64 = 0.1;
-/// Larger residuals do not count, standard deviations.
-const OUTLIER: f64 = 4.0;
-/// Residuals at least.
-const MIN_COUNT: usize = 20;
+const LAGS: usize = 16; // largest distance over which residuals are compared, samples
+const MIN_CORRELATION: f64 = 0.1; // residuals with a smaller correlation count as independent
+const OUTLIER: f64 = 4.0; // larger residuals do not count, standard deviations
+const MIN_COUNT: usize = 20; // residuals at least
 
 /// Errors about fitted curves.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -9,34 +9,20 @@ use super::{ImageFit, ImageFitOptions, Misfit, OnChain, Place2, Plane, RopeView,
 use crate::geometry::banded::{Bordered, Factor, WIDTH};
 use crate::geometry::{Point, advance, dot, normalized, sub};
 
-/// Cost of bending, for each ∫ κ² ds with lengths in radii.
-const BEND: f64 = 2.0;
-/// Cost of changes of bending, for each ∫ (dκ/ds)² ds with lengths in radii.
-const CHANGE: f64 = 200.0;
-/// Limits of the mask's votes far from the solution and near it, image radii.
-const LIMITS: [f64; 2] = [1.6, 0.9];
-/// Share of the steps with the first limit.
-const FAR: f64 = 0.4;
-/// Weight of the table, for each radius of length.
-const TABLE: f64 = 4.0;
-/// Weight of the order at crossings, for each radius of length.
-const ORDER: f64 = 6.0;
-/// Weight with which a rope rests on the table, for each radius of length.
-const REST: f64 = 2.0;
-/// Height at which that weight decreases, radii.
-const NEAR: f64 = 0.5;
-/// Weight that keeps an unsupported end from rising, for each radius of length.
-const FALL: f64 = 4.0;
-/// Height of an axis that another strand carries, radii.
-const CARRIED: f64 = 3.0;
-/// Pairs of a crossing that count in full.
-const PAIRS: f64 = 6.0;
-/// Step of a control point at most, radii.
-const MAX_STEP: f64 = 1.0;
-/// The fit ends after a smaller step, radii.
-const SETTLED: f64 = 0.01;
-/// Damping of a control point's step, which keeps the matrix positive definite, 1/radii².
-const DAMPING: f64 = 1e-2;
+const BEND: f64 = 2.0; // cost of bending, for each ∫ κ² ds with lengths in radii
+const CHANGE: f64 = 200.0; // cost of changes of bending, for each ∫ (dκ/ds)² ds with lengths in radii
+const LIMITS: [f64; 2] = [1.6, 0.9]; // limits of the mask's votes far from the solution and near it, image radii
+const FAR: f64 = 0.4; // share of the steps with the first limit
+const TABLE: f64 = 4.0; // weight of the table, for each radius of length
+const ORDER: f64 = 6.0; // weight of the order at crossings, for each radius of length
+const REST: f64 = 2.0; // weight with which a rope rests on the table, for each radius of length
+const NEAR: f64 = 0.5; // height at which that weight decreases, radii
+const FALL: f64 = 4.0; // weight that keeps an unsupported end from rising, for each radius of length
+const CARRIED: f64 = 3.0; // height of an axis that another strand carries, radii
+const PAIRS: f64 = 6.0; // pairs of a crossing that count in full
+const MAX_STEP: f64 = 1.0; // step of a control point at most, radii
+const SETTLED: f64 = 0.01; // the fit ends after a smaller step, radii
+const DAMPING: f64 = 1e-2; // damping of a control point's step, which keeps the matrix positive definite, 1/radii²
 
 /// Fits curves to the views, starting with chains in space.
 ///

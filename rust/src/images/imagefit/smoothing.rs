@@ -9,17 +9,12 @@ use super::band::Band;
 
 /// Cost of bending along the viewing rays, for each ∫ z″² ds in radii, relative to depths of unit noise.
 const STIFFNESS: f64 = 40.0;
-/// Cost of a missing gap between strands, for each squared radius.
-const GAP: f64 = 20.0;
-/// Cost of each squared radius below the table, for each radius of length.
-const BELOW: f64 = 4.0;
-/// Larger residuals count linearly, not squared, standard deviations.
-const HUBER: f64 = 1.5;
-/// Noise that divides residuals at least, radii.
-const MIN_NOISE: f64 = 0.2;
+const GAP: f64 = 20.0; // cost of a missing gap between strands, for each squared radius
+const BELOW: f64 = 4.0; // cost of each squared radius below the table, for each radius of length
+const HUBER: f64 = 1.5; // larger residuals count linearly, not squared, standard deviations
+const MIN_NOISE: f64 = 0.2; // noise that divides residuals at least, radii
 
-/// Gaps that are solved together.
-const BATCH: usize = 4;
+const BATCH: usize = 4; // gaps that are solved together
 
 /// Two stretches of rope, one in front of the other, kept apart by the mean distance between their samples.
 #[derive(Debug, Clone, PartialEq)]

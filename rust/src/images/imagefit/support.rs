@@ -3,8 +3,7 @@
 use super::{Place2, RopeView};
 use crate::geometry::{Point, cross};
 
-/// Pixels farther than this from every node support none, image radii.
-const REACH: f64 = 1.5;
+const REACH: f64 = 1.5; // pixels farther than this from every node support none, image radii
 
 /// Counts for each node the pixels nearest to it. Where ropes lie over each other, a pixel counts for the one in front.
 pub fn count_support(

@@ -4,28 +4,21 @@ use super::planar::{Place, distance, resampled, unit};
 use crate::images::silhouette::Silhouette;
 use crate::images::surroundings::Shown;
 
-/// Distance between nodes, image radii.
-const STEP: f64 = 0.25;
+const STEP: f64 = 0.25; // distance between nodes, image radii
 /// Share of a cross-section that is mask without another strand, at least, where the rope continues.
 const MIN_SHARE: f64 = 0.35;
-/// Range beyond the skeleton's end in which the rope's end is sought, image radii.
-const REACH: f64 = 7.0;
-/// Depth of a hidden end under another strand, image radii.
-const UNDER: f64 = 0.75;
+const REACH: f64 = 7.0; // range beyond the skeleton's end in which the rope's end is sought, image radii
+const UNDER: f64 = 0.75; // depth of a hidden end under another strand, image radii
 /// Cost of the turn of an extended end, for each squared radian and for each radius of its length.
 const EXTENSION_TURN: f64 = 3.0;
-/// Cost of an extended end, for each radius of its length.
-const EXTENSION_LENGTH: f64 = 0.1;
-/// Gain of an extended end, for each squared radius of uncovered mask that it reaches.
-const EXTENSION_GAIN: f64 = 1.5;
-/// Length of an extension at most, image radii.
-const MAX_EXTENSION: f64 = 16.0;
+const EXTENSION_LENGTH: f64 = 0.1; // cost of an extended end, for each radius of its length
+const EXTENSION_GAIN: f64 = 1.5; // gain of an extended end, for each squared radius of uncovered mask that it reaches
+const MAX_EXTENSION: f64 = 16.0; // length of an extension at most, image radii
 /// Cost of an extended end outside the mask where depth may show a rope, for each radius.
 const EXTENSION_BARE: f64 = 0.5;
 /// Curvatures that are tried beside the rope's last one, 1 / image radii.
 const BENDS: [f64; 6] = [0.1, -0.1, 0.2, -0.2, 0.3, -0.3];
-/// The last nodes of a chain that do not count as another strand.
-const OWN_NODES: usize = 24;
+const OWN_NODES: usize = 24; // the last nodes of a chain that do not count as another strand
 
 /// Extends chains to the end of the mask, with nodes half a radius apart.
 ///

@@ -5,28 +5,17 @@ use super::planar::{Place, bending, cleaned, distance, hermite, length, resample
 use crate::images::silhouette::Silhouette;
 use crate::images::surroundings::Shown;
 
-/// Last nodes of a piece that turn to the mask's corners.
-const CORNER_NODES: usize = 2;
-/// Nodes before them that show the piece's direction.
-const HEADING_NODES: usize = 6;
-/// Speeds at which curves over a gap leave and arrive, lengths of the gap.
-const SPEEDS: [f64; 3] = [1.0, 1.4, 1.8];
-/// Cost of a gap.
-const GAP: f64 = 2.0;
-/// Cost of each radius of a gap where something hides it.
-const HIDDEN: f64 = 0.1;
-/// Cost of each radius of a gap without depth, or with a rope's depth.
-const UNKNOWN: f64 = 0.5;
-/// Cost of each radius of a gap where the camera saw through.
-const BARE: f64 = 3.0;
-/// Largest cost of a gap, if the number of ropes is known.
-const MAX_COST: f64 = 80.0;
-/// Cost of each radius of a dropped piece: mask that nothing covers.
-const DROPPED: f64 = 1.6;
-/// Partners of an end that are tried.
-const PARTNERS: usize = 4;
-/// Combinations that are tried at most.
-const MAX_TRIED: usize = 3000;
+const CORNER_NODES: usize = 2; // last nodes of a piece that turn to the mask's corners
+const HEADING_NODES: usize = 6; // nodes before them that show the piece's direction
+const SPEEDS: [f64; 3] = [1.0, 1.4, 1.8]; // speeds at which curves over a gap leave and arrive, lengths of the gap
+const GAP: f64 = 2.0; // cost of a gap
+const HIDDEN: f64 = 0.1; // cost of each radius of a gap where something hides it
+const UNKNOWN: f64 = 0.5; // cost of each radius of a gap without depth, or with a rope's depth
+const BARE: f64 = 3.0; // cost of each radius of a gap where the camera saw through
+const MAX_COST: f64 = 80.0; // largest cost of a gap, if the number of ropes is known
+const DROPPED: f64 = 1.6; // cost of each radius of a dropped piece: mask that nothing covers
+const PARTNERS: usize = 4; // partners of an end that are tried
+const MAX_TRIED: usize = 3000; // combinations that are tried at most
 
 /// Chains, some of them joined.
 pub struct Joined {

@@ -6,44 +6,26 @@ use super::planar::{Place, bending, distance, hermite, length, resampled, smooth
 use crate::geometry::banded::{Bordered, PLANAR};
 use crate::images::silhouette::{Edge, Silhouette};
 
-/// Distance between the nodes of a curve, image radii.
-pub const STEP: f64 = 0.5;
-/// Nodes of a segment that are fitted together with a curve through its zone.
-pub const TAIL: usize = 8;
-/// Weights of bending and of its change in the fit.
-pub const FIT_BENDING: [f64; 2] = [3.0, 10.0];
-/// Lateral standard deviation of the edge, image radii.
-pub const EDGE_SD: f64 = 0.25;
-/// Share of edge places that are independent.
-pub const EDGE_SHARE: f64 = 0.5;
-/// Largest distance of an edge's vote from the first curve, image radii.
-const MAX_VOTE: f64 = 3.0;
-/// Nodes on each side of the last nearest one in which the nearest one is sought.
-const NEAR: usize = 3;
-/// Cost of bending, for each r ∫ κ² ds.
-pub const BENDING: f64 = 3.0;
-/// Cost of changes of bending, for each r³ ∫ κ'² ds.
-pub const CHANGE: f64 = 5.0;
-/// Cost of tube outside the mask.
-const OUTSIDE: f64 = 1.5;
-/// Cost of a kink.
-const KINK: f64 = 5.0;
-/// A larger turn between nodes is a kink, radians.
-const MAX_TURN: f64 = 1.0;
-/// Cost of an end inside a zone.
-const FREE_END: f64 = 5.0;
-/// Cost of a stub that is dropped.
-const DROPPED: f64 = 1.5;
-/// Steps of a fit after which hopeless curves are given up.
-const TRIAL: usize = 3;
+pub const STEP: f64 = 0.5; // distance between the nodes of a curve, image radii
+pub const TAIL: usize = 8; // nodes of a segment that are fitted together with a curve through its zone
+pub const FIT_BENDING: [f64; 2] = [3.0, 10.0]; // weights of bending and of its change in the fit
+pub const EDGE_SD: f64 = 0.25; // lateral standard deviation of the edge, image radii
+pub const EDGE_SHARE: f64 = 0.5; // share of edge places that are independent
+const MAX_VOTE: f64 = 3.0; // largest distance of an edge's vote from the first curve, image radii
+const NEAR: usize = 3; // nodes on each side of the last nearest one in which the nearest one is sought
+pub const BENDING: f64 = 3.0; // cost of bending, for each r ∫ κ² ds
+pub const CHANGE: f64 = 5.0; // cost of changes of bending, for each r³ ∫ κ'² ds
+const OUTSIDE: f64 = 1.5; // cost of tube outside the mask
+const KINK: f64 = 5.0; // cost of a kink
+const MAX_TURN: f64 = 1.0; // a larger turn between nodes is a kink, radians
+const FREE_END: f64 = 5.0; // cost of an end inside a zone
+const DROPPED: f64 = 1.5; // cost of a stub that is dropped
+const TRIAL: usize = 3; // steps of a fit after which hopeless curves are given up
 /// A curve is hopeless if it costs this many times as much as two ends and the mask that it can cover.
 const HOPELESS: f64 = 2.0;
-/// Cost of uncovered mask, for each radius of the curve.
-const BARE: f64 = 2.0;
-/// A curve that costs less needs no other start.
-const GOOD: f64 = 0.5;
-/// Length of a curve through a zone at most, image radii.
-const MAX_LENGTH: f64 = 100.0;
+const BARE: f64 = 2.0; // cost of uncovered mask, for each radius of the curve
+const GOOD: f64 = 0.5; // a curve that costs less needs no other start
+const MAX_LENGTH: f64 = 100.0; // length of a curve through a zone at most, image radii
 
 /// A curve from a port to another, or to a rope's end inside the zone.
 #[derive(Debug, Clone)]

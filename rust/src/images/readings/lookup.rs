@@ -2,8 +2,7 @@
 
 use super::planar::Place;
 
-/// Cells along a side at most; matters for ropes much thinner than a pixel.
-const MAX_CELLS: f64 = 4096.0;
+const MAX_CELLS: f64 = 4096.0; // cells along a side at most; matters for ropes much thinner than a pixel
 
 /// Places sorted into square cells.
 pub struct Lookup {

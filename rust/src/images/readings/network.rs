@@ -6,15 +6,12 @@ use crate::images::image::Image;
 use crate::images::silhouette::Silhouette;
 use crate::images::thinning::thinned;
 
-/// The skeleton of more than one strand is farther than this from the edge, image radii.
-const WIDE: f64 = 1.35;
-/// Margin of zones around the mask's width at a junction, image radii.
-const ZONE_PAD: f64 = 0.3;
+const WIDE: f64 = 1.35; // the skeleton of more than one strand is farther than this from the edge, image radii
+const ZONE_PAD: f64 = 0.3; // margin of zones around the mask's width at a junction, image radii
 /// Length of spurs out of the strand that they leave, image radii: for most readings, and for those that look for ends
 /// beside another strand.
 pub const SPURS: [f64; 2] = [0.35, -0.4];
-/// Length of a stack of two strands between two zones at most, image radii.
-const MAX_STACK: f64 = 12.0;
+const MAX_STACK: f64 = 12.0; // length of a stack of two strands between two zones at most, image radii
 
 /// The pruned skeleton of a mask, and the zones where strands merge.
 pub struct Skeleton {

@@ -8,18 +8,12 @@ use super::planar::{Place, cross, distance, nearest};
 use crate::images::silhouette::Silhouette;
 use crate::parallel;
 
-/// Cost of uncovered mask, for each squared radius.
-pub const UNCOVERED: f64 = 0.8;
-/// Cost of two strands that touch without crossing.
-const KISS: f64 = 2.5;
-/// Ways that are kept at most.
-const MAX_KEPT: usize = 6;
-/// Ways that are tried at most.
-const MAX_TRIED: usize = 20_000;
-/// Ports of a zone at most that are all joined with each other.
-const MAX_PORTS: usize = 24;
-/// Nearest partners of each port in larger zones.
-const PARTNERS: usize = 16;
+pub const UNCOVERED: f64 = 0.8; // cost of uncovered mask, for each squared radius
+const KISS: f64 = 2.5; // cost of two strands that touch without crossing
+const MAX_KEPT: usize = 6; // ways that are kept at most
+const MAX_TRIED: usize = 20_000; // ways that are tried at most
+const MAX_PORTS: usize = 24; // ports of a zone at most that are all joined with each other
+const PARTNERS: usize = 16; // nearest partners of each port in larger zones
 /// Joints that are examined at most: as many as that number of tries with that number of ports takes.
 const MAX_WORK: usize = MAX_TRIED * MAX_PORTS * MAX_PORTS * MAX_PORTS;
 

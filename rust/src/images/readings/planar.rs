@@ -5,19 +5,16 @@ pub use crate::geometry::polyline::{resampled, smoothed};
 /// Column and row, pixels.
 pub type Place = [f64; 2];
 
-/// Returns the length of a vector.
 #[inline]
 pub fn norm(d: Place) -> f64 {
     (d[0] * d[0] + d[1] * d[1]).sqrt()
 }
 
-/// Returns the distance between two places.
 #[inline]
 pub fn distance(a: Place, b: Place) -> f64 {
     norm([a[0] - b[0], a[1] - b[1]])
 }
 
-/// Returns the length of a polyline.
 pub fn length(p: &[Place]) -> f64 {
     p.windows(2).map(|w| distance(w[0], w[1])).sum()
 }

@@ -8,8 +8,7 @@ use crate::images::silhouette::Silhouette;
 
 /// Reach of edges that no chain explains yet, by iteration, image radii.
 const REACH: [f64; 7] = [4.0, 4.0, 3.5, 3.0, 2.0, 1.3, 0.8];
-/// Reach of edges near chains at least, image radii.
-const NEAR: f64 = 1.2;
+const NEAR: f64 = 1.2; // reach of edges near chains at least, image radii
 /// An edge is explained by a chain within this distance of its vote for the axis, image radii.
 const EXPLAINED: f64 = 0.8;
 

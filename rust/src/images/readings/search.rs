@@ -14,34 +14,20 @@ use crate::images::image::find_blobs;
 use crate::images::silhouette::Silhouette;
 use crate::parallel;
 
-/// Cost of each rope if their number is not known.
-const ROPE: f64 = 5.0;
-/// Cost of a ring.
-const RING: f64 = 6.0;
-/// Cost of each missing rope if their number is known.
-const TOO_FEW: f64 = 8.0;
-/// Cost of a reading that takes a stretch for two strands.
-const STACKED: f64 = 1.0;
-/// Larger uncovered pieces of mask may hold a rope's end, squared image radii.
-const MIN_BARE: f64 = 0.4;
-/// Cost of a reading that keeps short branches of the skeleton.
-const TIPS: f64 = 1.0;
-/// Ways to join pieces over gaps in the mask that are kept.
-const GAPS: usize = 4;
-/// Length of stretches that may hide two strands at most, image radii.
-const MAX_STACK: f64 = 25.0;
-/// Such stretches that are tried.
-const STACKS: usize = 4;
-/// Whole ways that are put together in one reading of the skeleton at most.
-const MAX_WAYS: usize = 600;
-/// Work on them at most: squared numbers of zones and of chains.
-const MAX_WORK: usize = 2_000_000;
-/// Weight of a squared number of chains in that work.
-const CHAIN_WORK: usize = 16;
-/// Chains of a reading at most; more are no ropes.
-const MAX_CHAINS: usize = 100;
-/// Ways of single zones that are tried, in all zones together.
-const MAX_TRIED: usize = 4_000_000;
+const ROPE: f64 = 5.0; // cost of each rope if their number is not known
+const RING: f64 = 6.0; // cost of a ring
+const TOO_FEW: f64 = 8.0; // cost of each missing rope if their number is known
+const STACKED: f64 = 1.0; // cost of a reading that takes a stretch for two strands
+const MIN_BARE: f64 = 0.4; // larger uncovered pieces of mask may hold a rope's end, squared image radii
+const TIPS: f64 = 1.0; // cost of a reading that keeps short branches of the skeleton
+const GAPS: usize = 4; // ways to join pieces over gaps in the mask that are kept
+const MAX_STACK: f64 = 25.0; // length of stretches that may hide two strands at most, image radii
+const STACKS: usize = 4; // such stretches that are tried
+const MAX_WAYS: usize = 600; // whole ways that are put together in one reading of the skeleton at most
+const MAX_WORK: usize = 2_000_000; // work on them at most: squared numbers of zones and of chains
+const CHAIN_WORK: usize = 16; // weight of a squared number of chains in that work
+const MAX_CHAINS: usize = 100; // chains of a reading at most; more are no ropes
+const MAX_TRIED: usize = 4_000_000; // ways of single zones that are tried, in all zones together
 
 /// A whole reading of one view.
 #[derive(Debug, Clone)]

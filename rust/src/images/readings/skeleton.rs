@@ -58,7 +58,6 @@ impl Net {
         if away == 1 || away == self.width { 1.0 } else { std::f64::consts::SQRT_2 }
     }
 
-    /// The number of pixels.
     pub fn len(&self) -> usize {
         self.pixels.len()
     }

@@ -8,8 +8,7 @@ use crate::images::image::{Image, find_blobs};
 use crate::images::silhouette::Silhouette;
 use crate::images::thinning::find_skeleton;
 
-/// The ropes' radius, pixels.
-const RR: f64 = 8.0;
+const RR: f64 = 8.0; // the ropes' radius, pixels
 const WIDTH: usize = 240;
 const HEIGHT: usize = 200;
 

@@ -10,8 +10,7 @@ use super::{Cells, fill, spread};
 use crate::index::sort::sort_words;
 use crate::simd::BATCH;
 
-/// Cells along an axis that a batch takes points from, at most.
-const BATCH_CELLS: u64 = 4;
+const BATCH_CELLS: u64 = 4; // cells along an axis that a batch takes points from, at most
 /// Batches that one task works on; fixed, so that results do not depend on the number of threads.
 const BATCHES_PER_TASK: usize = 64;
 

@@ -7,8 +7,7 @@ use crate::geometry::Point;
 use crate::index::SHORTEST;
 use crate::index::bounds::Bounds;
 
-/// Rows of cells that are examined around a box, at most.
-const MAX_ROWS: u64 = 1 << 12;
+const MAX_ROWS: u64 = 1 << 12; // rows of cells that are examined around a box, at most
 
 /// Finds the runs of points around boxes. Consecutive boxes should be near each other.
 #[derive(Default)]

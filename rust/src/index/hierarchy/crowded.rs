@@ -8,10 +8,8 @@ use super::Hierarchy;
 use crate::geometry::{Point, squared_distance};
 use crate::parallel::go_on;
 
-/// Points that are answered together at most.
-const GROUP: usize = 32;
-/// Groups that one task works on.
-const GROUPS_PER_TASK: usize = 16;
+const GROUP: usize = 32; // points that are answered together at most
+const GROUPS_PER_TASK: usize = 16; // groups that one task works on
 
 /// A sum that can be combined with another.
 pub trait Sum: Copy {

@@ -8,14 +8,10 @@ use crate::geometry::Point;
 use crate::images::imagefit::{Plane, Sensor};
 use crate::python::arguments::{FloatArray, Points, wrong_shape};
 
-/// Length of a polyline at most, pixels or radii.
-const MAX_LENGTH: f64 = 1e5;
-/// Size of a coordinate at most, pixels or metres.
-const MAX_COORDINATE: f64 = 1e6;
-/// Steps of a fit at most.
-const MAX_STEPS: usize = 100;
-/// Size of a depth bias at most, radii.
-const MAX_BIAS: f64 = 100.0;
+const MAX_LENGTH: f64 = 1e5; // length of a polyline at most, pixels or radii
+const MAX_COORDINATE: f64 = 1e6; // size of a coordinate at most, pixels or metres
+const MAX_STEPS: usize = 100; // steps of a fit at most
+const MAX_BIAS: f64 = 100.0; // size of a depth bias at most, radii
 
 /// Errors of a sensor: standard deviation of depth, radii, if known; its correlation length, radii; standard deviation
 /// of edges, pixels; depth bias, radii.

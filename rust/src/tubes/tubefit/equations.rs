@@ -16,8 +16,7 @@ use crate::geometry::{cross, dot, normalized, sub};
 const THIRD_DIFFERENCE: f64 = 0.1;
 /// Standard deviation of the prior on second differences of control points, radii.
 pub(super) const SECOND_DIFFERENCE: f64 = 6.0;
-/// Standard deviation of the prior on the sliding of a control point along its curve, radii.
-const SLIDE: f64 = 0.05;
+const SLIDE: f64 = 0.05; // standard deviation of the prior on the sliding of a control point along its curve, radii
 
 /// The order of the unknowns: control points in the band; poses, then radii, in the border.
 pub(super) struct Layout {

@@ -19,8 +19,7 @@ use super::{FootPoint, OnCurve, Residual, TubeFitOptions, TubeView};
 use crate::geometry::Point;
 use crate::simd::{Eight, LANES, Lanes, Simd, Three, kernel};
 
-/// Runs of points that one task works on.
-const RUNS_PER_TASK: usize = 8;
+const RUNS_PER_TASK: usize = 8; // runs of points that one task works on
 
 /// The foot point of a point without a tube nearby.
 const NOWHERE: FootPoint = FootPoint {

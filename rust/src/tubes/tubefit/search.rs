@@ -7,10 +7,8 @@ use super::{OnCurve, Residual};
 use crate::geometry::{Point, cell_of, dot, normalized, sub};
 use crate::simd::{Eight, LANES, Lanes, Simd, Three, kernel};
 
-/// Distance between the samples of a curve, radii.
-const SAMPLING: f64 = 0.5;
-/// Largest distance of a point from an axis that it belongs to, radii.
-const REACH: f64 = 2.0;
+const SAMPLING: f64 = 0.5; // distance between the samples of a curve, radii
+const REACH: f64 = 2.0; // largest distance of a point from an axis that it belongs to, radii
 
 /// Samples of all curves, listed for each cell of space that has some within reach.
 pub(super) struct Search {

@@ -12,8 +12,7 @@ use crate::geometry::{Point, RigidMotion, advance, dot, sub};
 
 /// Factor of the standard deviation of second differences after a step in which a curve bends too tightly.
 const STIFFENING: f64 = 0.5;
-/// Least product of these factors.
-const MIN_BEND_SCALE: f64 = 1e-4;
+const MIN_BEND_SCALE: f64 = 1e-4; // least product of these factors
 /// Stiffening ends when residuals grew by this share, because the points do bend that tightly.
 const STRAINED: f64 = 0.01;
 /// Second differences of such a curve may then reach this root mean square, standard deviations of the prior.
@@ -23,16 +22,12 @@ const EFFICIENT: f64 = 4.685;
 /// After a smaller step, points stay on their curves, and the search starts at their foot points; standard deviations
 /// of the unknowns.
 const SETTLED: f64 = 2.0;
-/// Steps before Tukey's limit follows the scatter of the residuals.
-const FIRST_STEPS: usize = 2;
+const FIRST_STEPS: usize = 2; // steps before Tukey's limit follows the scatter of the residuals
 /// The data fix a direction of a pose if its standard deviation is below this share of the reported pose's.
 const FIXED: f64 = std::f64::consts::FRAC_1_SQRT_2;
-/// In other directions the view is held with this multiple of the reported precision.
-const HOLD: f64 = 1e4;
-/// Further steps with held views at most.
-const STEPS_HELD: usize = 6;
-/// Iterations for the eigenvectors of a 6x6 matrix at most; they take about a dozen.
-const MAX_ROTATIONS: usize = 1000;
+const HOLD: f64 = 1e4; // in other directions the view is held with this multiple of the reported precision
+const STEPS_HELD: usize = 6; // further steps with held views at most
+const MAX_ROTATIONS: usize = 1000; // iterations for the eigenvectors of a 6x6 matrix at most; they take about a dozen
 
 impl State<'_> {
     pub(super) fn run(mut self, options: &TubeFitOptions) -> Result<TubeFit> {

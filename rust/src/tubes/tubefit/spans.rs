@@ -10,10 +10,8 @@ use crate::geometry::{Point, normalized, sub};
 /// Points that one task searches for, or works on within a span; fixed, so that results do not depend on the number of
 /// threads.
 pub(super) const POINTS_PER_TASK: usize = 512;
-/// Reach to both sides over which a curve's direction is taken for poses, spans.
-const STRETCH: f64 = 2.0;
-/// Intervals of a span between the places at which it is taken.
-pub(super) const DIRECTIONS: usize = 8;
+const STRETCH: f64 = 2.0; // reach to both sides over which a curve's direction is taken for poses, spans
+pub(super) const DIRECTIONS: usize = 8; // intervals of a span between the places at which it is taken
 
 /// Points of one view on one span.
 #[derive(Clone)]

@@ -7,15 +7,12 @@
 
 use crate::simd::{Eight, LANES, Lanes, Simd, Three};
 
-/// The number of the radius feature, after rotation and translation.
-const GROWN: usize = 6;
-/// The number of the residual feature, after the radius.
-pub(super) const RESIDUAL: usize = 7;
+const GROWN: usize = 6; // the number of the radius feature, after rotation and translation
+pub(super) const RESIDUAL: usize = 7; // the number of the residual feature, after the radius
 /// Pairs of the four control points of a span.
 const PAIRS: [(usize, usize); 10] =
     [(0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)];
-/// Pairs of x, y and z.
-const AXES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+const AXES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]; // pairs of x, y and z
 
 /// Eight points on a span.
 pub(super) struct Features<V> {
