@@ -1,7 +1,8 @@
 """The layout, from the sources alone: no circles of imports, few rooms, short files, pages within limits.
 
 A room is a file or folder directly in `python/strand` or `rust/src`. An arrow is a pair of rooms: the first
-imports the second. A room's floor is one above the highest room that it imports.
+imports the second. Each room stands on a floor, and imports rooms of lower floors only. The compiled module
+lies below all rooms of Python, and imports of it are no arrows.
 """
 
 from __future__ import annotations
@@ -20,7 +21,30 @@ PACKAGE = ROOT / "python" / "strand"
 CRATE = ROOT / "rust" / "src"
 RECONSTRUCTION = PACKAGE / "reconstruction"
 
-MAX_FLOORS = 9  # of rooms, in each language
+# rooms by floor, the lowest first
+FLOORS = {
+    PACKAGE: (
+        "support _core.pyi",
+        "geometry views",
+        "config.py export synthetic",
+        "ropes",
+        "io reconstruction report",
+        "batch figures.py msgs.py",
+        "__init__.py",
+        "cli",
+        "__main__.py",
+    ),
+    CRATE: (
+        "error simd",
+        "checks parallel",
+        "geometry",
+        "index knots",
+        "clouds icp normals published queries",
+        "images tubes",
+        "lib python",
+    ),
+}
+MAX_FLOORS = 9  # in each language
 MAX_ARROWS = {PACKAGE: 60, CRATE: 80}  # between rooms
 MAX_ROOT_MODULES = 6  # files of Python at the root of the package
 MAX_ROOT_FOLDERS = 12  # folders there
@@ -41,17 +65,7 @@ MAX_DOCUMENTATION_LINES = 3200  # of all pages at the root and in docs/
 SHARED_STEMS = {"__init__", "method"}  # modules that several folders of reconstruction/ may have
 
 # checks that do not hold yet
-PENDING = {
-    "floors in Python",
-    "arrows in Python",
-    "circles of files in Rust",
-    "circles of folders in Rust",
-    "floors in Rust",
-    "arrows in Rust",
-    "long files",
-    "packed constants",
-    "length of the documentation",
-}
+PENDING = {"circles of files in Rust", "long files"}
 
 Graph = dict[str, set[str]]
 
@@ -73,7 +87,7 @@ def find_module(dotted: str) -> Path | None:
 
 
 def find_imports(path: Path) -> Iterator[Path]:
-    """Yield the files of strand that one imports, at any depth: in functions and for types alone too."""
+    """Yield the modules of strand that one imports, in functions and for types alone too."""
     package = ["strand", *path.relative_to(PACKAGE).parent.parts]
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -87,7 +101,7 @@ def find_imports(path: Path) -> Iterator[Path]:
         else:
             continue
         found = (find_module(name) for name in names if name.split(".")[0] == "strand")
-        yield from (target for target in found if target is not None)
+        yield from (target for target in found if target is not None and target.suffix == ".py")
 
 
 @cache
@@ -244,16 +258,6 @@ def group_rooms(graph: Graph, folder: str) -> Graph:
     return dict(grouped)
 
 
-def find_floors(rooms: Graph) -> dict[str, int]:
-    """Return each room's floor, from 1 on, for rooms without circles."""
-
-    @cache
-    def floor(room: str) -> int:
-        return 1 + max((floor(other) for other in rooms[room]), default=0)
-
-    return {room: floor(room) for room in rooms}
-
-
 def list_folders(graph: Graph) -> list[str]:
     """Return the folders of a tree of files, the root as ""."""
     parents = {"/".join(name.split("/")[:depth]) for name in graph for depth in range(name.count("/") + 1)}
@@ -275,12 +279,18 @@ def check_folder_circles(graph: Graph) -> list[str]:
     ]
 
 
-def check_floors(graph: Graph) -> list[str]:
+def check_floors(graph: Graph, floors: tuple[str, ...]) -> list[str]:
     rooms = group_rooms(graph, "")
-    if circles := find_circles(rooms):
-        return [f"no floors with circles: {circles}"]
-    floors = find_floors(rooms)
-    return [f"{max(floors.values())} floors: {floors}"] if max(floors.values()) > MAX_FLOORS else []
+    floor = {room: number for number, names in enumerate(floors) for room in names.split()}
+    wrong = [f"{room} has no floor" for room in rooms if room not in floor]
+    wrong += [f"{room} is no room" for room in floor if room not in rooms]
+    wrong += [f"{len(floors)} floors"] if len(floors) > MAX_FLOORS else []
+    return wrong or [
+        f"{room} imports {other} of floor {floor[other] + 1} from floor {floor[room] + 1}"
+        for room, others in rooms.items()
+        for other in others
+        if floor[other] >= floor[room]
+    ]
 
 
 def check_arrows(graph: Graph, most: int) -> list[str]:
@@ -318,9 +328,10 @@ def is_constant(node: ast.expr) -> bool:
 def check_packed_constants() -> list[str]:
     wrong = []
     for path in list_sources():
-        if path.suffix == ".rs":
+        text = path.read_text(encoding="utf-8")
+        if path.suffix == ".rs" or not re.search(r"^ *\(?_*[A-Z][A-Z0-9_]*, ", text, re.MULTILINE):
             continue
-        tree = ast.parse(path.read_text(encoding="utf-8"))
+        tree = ast.parse(text)
         scopes = [tree, *(node for node in tree.body if isinstance(node, ast.ClassDef))]
         for node in (node for scope in scopes for node in scope.body if isinstance(node, ast.Assign)):
             for target in node.targets:
@@ -382,11 +393,11 @@ def check_page_lengths() -> list[str]:
 CHECKS = {
     "circles of files in Python": lambda: check_file_circles(read_python()),
     "circles of folders in Python": lambda: check_folder_circles(read_python()),
-    "floors in Python": lambda: check_floors(read_python()),
+    "floors in Python": lambda: check_floors(read_python(), FLOORS[PACKAGE]),
     "arrows in Python": lambda: check_arrows(read_python(), MAX_ARROWS[PACKAGE]),
     "circles of files in Rust": lambda: check_file_circles(read_rust()),
     "circles of folders in Rust": lambda: check_folder_circles(read_rust()),
-    "floors in Rust": lambda: check_floors(read_rust()),
+    "floors in Rust": lambda: check_floors(read_rust(), FLOORS[CRATE]),
     "arrows in Rust": lambda: check_arrows(read_rust(), MAX_ARROWS[CRATE]),
     "files and folders at the root": check_root,
     "long files": check_file_lengths,
@@ -406,7 +417,8 @@ def test_the_layout_holds(check):
 
 def test_imports_are_found():
     """In functions, for types alone, through folders; in trees, paths and names that are handed on."""
-    assert "_core.pyi" in read_python()["views/view.py"]
+    assert read_python()["views/pose.py"] == {"support/checks.py"}
+    assert "__init__.py" not in read_python()["views/view.py"]
     assert len(read_python()) > 150
     assert "parallel.rs" in read_rust()["icp.rs"]
     assert expand_use("a::{self, b::{c, d as e}, f}") == [
@@ -423,4 +435,6 @@ def test_circles_and_floors_are_found():
     assert find_circles(graph) == []
     rooms = group_rooms(graph, "")
     assert find_circles(rooms) == [["a", "b"]]
-    assert find_floors({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == {"a": 3, "b": 2, "c": 1}
+    assert check_floors({"a/x": {"b"}, "b": set()}, ("b", "a")) == []
+    assert check_floors({"a/x": {"b"}, "b": set()}, ("a", "b")) == ["a imports b of floor 2 from floor 1"]
+    assert check_floors({"a/x": {"b"}, "b": set()}, ("b",)) == ["a has no floor"]
