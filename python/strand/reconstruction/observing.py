@@ -34,7 +34,7 @@ from strand.views.view import cropped
 
 _STRIP_SD = 0.1  # radii: standard deviation of a radius measured by the width of strips
 
-_APPARENT_RADIUS = "radius: {} it by how wide the rope looks; give it if it is known"
+_APPARENT_RADIUS = "radius: {}, so only the rope's apparent width gives it; give the radius if it is known"
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ def observe(extract: Extract, hints: Hints, run: Run) -> Scene:
     found = None if published else _find_ropes_among_things(extract, radii, run)
     if found is not None:
         ropes = found.views if extract.bounds is None else cropped(found.views, extract.bounds)
-        # points of other things show which space is free; a whole image shows it beside its mask
+        # the points of other things show free space; images show it outside their masks
         pairs = zip(extract.whole, found.views, strict=True)
         whole = tuple(view if view.image is None else masked for view, masked in pairs)
         extract = Extract(whole, extract.bounds, ropes)
@@ -127,7 +127,7 @@ def observe(extract: Extract, hints: Hints, run: Run) -> Scene:
     run.warnings.extend(surplus)
     if radii.free and len(numbers) == 1:
         radii = replace(radii, free=False, held=True)
-        run.warn("radius", _APPARENT_RADIUS.format("one view alone fixes"))
+        run.warn("radius", _APPARENT_RADIUS.format("there is one view"))
     observed = Observed(
         [filtered[number] for number in numbers],
         [extract.whole[number] for number in numbers],
@@ -187,5 +187,5 @@ def _estimate_radii(extract: Extract, run: Run) -> Radii:
         own, view = masked[len(masked) // 2]
         (image,) = make_rope_images([own], [view], extract.bounds)
         radii = Radii(*estimate_mask_radius(image), free=False, held=True)
-    run.warn("radius", _APPARENT_RADIUS.format("masks alone fix"))
+    run.warn("radius", _APPARENT_RADIUS.format("masks show the ropes"))
     return radii
