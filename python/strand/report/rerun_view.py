@@ -20,10 +20,10 @@ from strand.support.extras import import_extra
 from strand.support.files import write_bytes
 from strand.views.view import View, check_views
 
-_CROSSING = (255, 127, 14)  # red, green and blue
-_DOUBT = (214, 39, 40)  # red, green and blue
-_NEXT_VIEW = (44, 160, 44)  # red, green and blue
-_TRUTH = (32, 32, 32)  # red, green and blue
+_CROSSING = (255, 127, 14)  # orange
+_DOUBT = (214, 39, 40)  # red
+_NEXT_VIEW = (44, 160, 44)  # green
+_TRUTH = (32, 32, 32)  # nearly black
 _IMAGE_DISTANCE = 0.2  # of a camera's image from the camera, of its distance from the ropes
 _POINT_SIZE = 1.5  # radius of a point on the screen, in Rerun's points
 

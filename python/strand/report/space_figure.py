@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import colorsys
-from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 from math import ceil
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from strand.geometry.polyline import find_runs
 from strand.report.cameras import Camera, find_seen_side
 from strand.report.drawing import INK, pick_spread
 from strand.report.drawn_chains import compute_deviations
+from strand.report.plotly_traces import Pen, join_with_gaps, pack_numbers
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
@@ -29,17 +28,15 @@ MAX_NODES = 8_000  # nodes of all chains that are drawn
 MAX_TRUE_NODES = 2_000  # nodes of all true centrelines that are drawn
 MAX_PLACES = 150  # ends, crossings, doubts, joins and cameras, each
 MAX_GROUPS = 30  # entries in the legend for views, and for chains
-_MAX_TEXT = 240  # characters of a doubt
-_TEXT_WIDTH = 60  # characters of a line of text
 _MAX_OFFSET = 10.0  # metres from the origin: farther away, 32-bit numbers lose parts of a millimetre
 _PYRAMID = 0.18  # depth of a camera's pyramid, of its distance from the ropes
 _FIELD = 2 * np.tan(np.radians(22.5))  # height of the field of plotly's camera, of its distance
 _STEEP = 0.95  # directions with a larger z count as vertical
-UNSEEN = "#d62728"  # color
-DOUBT = "#d62728"  # color
-CROSSING = "#ff7f0e"  # color
-NEXT_VIEW = "#2ca02c"  # color
-CAMERA = "#555555"  # color
+UNSEEN = "#d62728"  # red: stretches without points
+DOUBT = "#d62728"  # red: doubts
+CROSSING = "#ff7f0e"  # orange: crossings
+NEXT_VIEW = "#2ca02c"  # green: the next view
+CAMERA = "#555555"  # grey: cameras
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,61 +135,6 @@ def make_space_figure(
     return {"data": data, "layout": layout}
 
 
-class Pen:
-    """A maker of plotly's traces, in millimetres from an origin near the ropes."""
-
-    def __init__(self, origin: Array) -> None:
-        self.origin = origin
-
-    def draw_lines(
-        self, lines: Sequence[Array], name: str, color: str, width: int, **more: Any
-    ) -> dict[str, Any]:
-        """Return one trace of several polylines."""
-        line = {"color": color, "width": width}
-        return (
-            self.make_trace(_join_with_gaps(lines), "lines", name)
-            | {"line": line, "hoverinfo": "skip"}
-            | more
-        )
-
-    def draw_markers(
-        self, points: Array, name: str, marker: dict[str, Any], texts: Sequence[str], **more: Any
-    ) -> dict[str, Any]:
-        """Return one trace of markers, whose texts appear under the pointer."""
-        text = {"text": [_wrap_text(text) for text in texts], "hoverinfo": "text"}
-        edged = {"line": {"color": INK, "width": 1}} | marker
-        return self.make_trace(points, "markers", name) | {"marker": edged} | text | more
-
-    def make_trace(self, points: Array, mode: str, name: str) -> dict[str, Any]:
-        """Return a trace of (N, 3) points, world frame, metres."""
-        x, y, z = (pack_numbers(column) for column in (1e3 * (points - self.origin)).T)
-        return {"type": "scatter3d", "x": x, "y": y, "z": z, "mode": mode, "name": name}
-
-
-def pack_numbers(values: ArrayLike) -> dict[str, Any]:
-    """Return numbers in plotly's text format: 32-bit floats in base 64."""
-    array = np.ascontiguousarray(values, dtype="<f4")
-    entry = {"dtype": "f4", "bdata": b64encode(array.tobytes()).decode()}
-    return entry if array.ndim == 1 else {**entry, "shape": ", ".join(map(str, array.shape))}
-
-
-def _join_with_gaps(parts: Sequence[Array]) -> Array:
-    """Return the rows of several parts, with a row of NaN after each."""
-    columns = parts[0].shape[1:] if parts else (3,)
-    gap = np.full((1, *columns), np.nan)
-    return np.concatenate([np.empty((0, *columns)), *(rows for part in parts for rows in (part, gap))])
-
-
-def _wrap_text(text: str) -> str:
-    """Return text for plotly, with markup escaped and lines wrapped."""
-    lines = [""]
-    for word in text[:_MAX_TEXT].split():
-        if lines[-1] and len(lines[-1]) + len(word) > _TEXT_WIDTH:
-            lines.append("")
-        lines[-1] = f"{lines[-1]} {word}".strip()
-    return "<br>".join(escape(line) for line in lines)
-
-
 def _split_groups(count: int) -> list[list[int]]:
     """Split `count` things into groups of neighbours, one for each entry of the legend."""
     parts = np.array_split(np.arange(count), max(min(count, MAX_GROUPS), 1))
@@ -255,7 +197,7 @@ def _draw_chains(pen: Pen, lines: Sequence[_Line]) -> list[dict[str, Any]]:
         traces.append(
             trace
             | {
-                "customdata": pack_numbers(_join_with_gaps(about)),
+                "customdata": pack_numbers(join_with_gaps(about)),
                 "hovertemplate": "chain %{customdata[0]:.0f} at %{customdata[1]:.0f} mm"
                 + ("<br>standard deviation %{customdata[2]:.2f} mm" if known else "")
                 + "<br>x %{x:.1f}, y %{y:.1f}, z %{z:.1f} mm<extra></extra>",

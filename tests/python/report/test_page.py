@@ -19,7 +19,7 @@ import strand
 from shared.browser import start_chromium
 from shared.ropes import draw_circle
 from strand.figures import write_report
-from strand.report import page, space_figure
+from strand.report import drawn_chains, page, space_figure
 from strand.ropes.doubt import Doubt, Join, ModelWarning
 
 LIMIT = 5_000_000  # bytes
@@ -143,7 +143,7 @@ def test_chains_points_doubts_and_cameras_are_in_place(paper_model, report):
     np.testing.assert_allclose(x[:-1][seen], 1e3 * chain.points[seen, 0], rtol=1e-5, atol=1e-3)
     about = unpack(drawn["customdata"])[:-1]
     np.testing.assert_allclose(about[:, 1], 1e3 * chain.arc_length, rtol=1e-5, atol=1e-3)
-    np.testing.assert_allclose(about[:, 2], 1e3 * space_figure.compute_deviations(chain), rtol=1e-5)
+    np.testing.assert_allclose(about[:, 2], 1e3 * drawn_chains.compute_deviations(chain), rtol=1e-5)
     assert f"chain 0: {chain.length * 1e3:.0f} mm" in traces
     clouds = paper_model.stages["registered"]
     for i, cloud in enumerate(clouds):
