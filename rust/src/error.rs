@@ -9,7 +9,7 @@ pub enum Error {
     InvalidArgument {
         /// The argument's name.
         name: &'static str,
-        /// What was wrong and what is accepted.
+        /// The fault, and the accepted values.
         reason: String,
     },
     /// The arguments are well formed, but the data cannot support an answer.
@@ -17,7 +17,7 @@ pub enum Error {
     NotEnoughData {
         /// The argument that holds too little.
         name: &'static str,
-        /// What is missing.
+        /// The data that are missing.
         reason: String,
     },
 }

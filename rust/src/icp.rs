@@ -235,7 +235,7 @@ fn solve_planes(
     });
     let normal_matrix: Matrix6<f64> = system.fixed_columns::<6>(0).into();
     let right: Vector6<f64> = system.column(6).into();
-    // scale angles and metres alike, so that small pivots show directions that the data do not fix
+    // scale angles and metres equally, so that small pivots show directions that the data do not fix
     let scale = normal_matrix.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 });
     let scaled = normal_matrix.component_mul(&(scale * scale.transpose()));
     let cholesky = scaled.cholesky().ok_or(Stop::Degenerate)?;

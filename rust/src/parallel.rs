@@ -32,7 +32,7 @@ struct Process {
     pools: [Mutex<Option<Arc<Pool>>>; 2],
 }
 
-/// How a caller waits for work.
+/// The patience of a caller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Caller {
     /// Waits until the answer is there.

@@ -1,5 +1,7 @@
-//! Every kernel against brute force on difficult random clouds: scales from 1e-9 to 1e12, far from the origin, with
-//! points that pile up, lattice distances equal to a radius, outliers, and radii below rounding or above all distances.
+//! Every kernel against brute force on difficult random clouds.
+//!
+//! Scales reach from 1e-9 to 1e12. Some clouds are far from the origin, have points that pile up, outliers, or lattice
+//! distances equal to the radius. Some radii are below rounding, or above all distances.
 //!
 //! The generator is seeded and its own, because proptest is too slow for hundreds of large clouds a second. A few
 //! seconds run with the other tests. For hours, with other seeds:

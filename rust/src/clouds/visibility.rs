@@ -19,7 +19,7 @@ const MAX_CELLS: f64 = 4e7; // cells of a view at most; a view of more widely sc
 /// Points that one task projects; fixed, so that results do not depend on the number of threads.
 const POINTS_PER_TASK: usize = 16384;
 
-/// What one view shows of a tube at a place.
+/// The state of a tube at a place, as one view shows it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Occupancy {
     /// The view has no points in that direction.

@@ -67,9 +67,13 @@ pub(crate) fn bridge(
 /// Returns the cost of joining two ends by a curve that leaves p along `leave` and arrives at q, which points along
 /// `arrive`.
 ///
-/// A gap L with the turns a and b at its ends costs 2 (a² + b²), the bending energy of a cubic (8 r / L) (a² + b² − a
-/// b), and 0.25 L / r. Ends that touch or overlap cost their turn and their sideways offset. The cost is infinite where
-/// the curve would have to turn back.
+/// A gap L with the turns a and b at its ends costs the sum of
+/// - 2 (a² + b²),
+/// - the bending energy of a cubic, (8 r / L) (a² + b² − a b),
+/// - 0.25 L / r.
+///
+/// Ends that touch or overlap cost their turn and their sideways offset. The cost is infinite if the curve would have to
+/// turn back.
 pub(crate) fn price_join(p: Point, leave: Point, q: Point, arrive: Point, radius: f64) -> f64 {
     let angle = |a: Point, b: Point| dot(a, b).clamp(-1.0, 1.0).acos();
     let step = sub(q, p);

@@ -158,7 +158,7 @@ pub struct ImageFitOptions {
     pub uncertainty: bool,
 }
 
-/// What a hypothesis leaves unexplained. Areas are in squared image radii, lengths in radii.
+/// The part of the data that a hypothesis does not explain. Areas are in squared image radii, lengths in radii.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Misfit {
     /// Area of mask that the tube does not cover.
@@ -192,7 +192,7 @@ pub struct ImageFit {
     pub depth: Option<Scatter>,
     /// Standard deviation of the mask's edge about the tube's outline, pixels; None if there is too little edge.
     pub lateral: Option<f64>,
-    /// What the fit leaves unexplained.
+    /// The rest that the fit does not explain.
     pub misfit: Misfit,
     /// Gauss–Newton steps taken.
     pub iterations: usize,

@@ -41,9 +41,9 @@ pub struct Silhouette {
     pub(crate) scale: usize,
     /// Original column and row of the magnified image's corner.
     origin: [f64; 2],
-    /// How ragged the mask is, 0 to 1.
+    /// Raggedness of the mask, 0 to 1.
     pub ragged: f64,
-    /// What depth shows beside it, if known.
+    /// The depth beside it, if known.
     surroundings: Option<Surroundings>,
 }
 

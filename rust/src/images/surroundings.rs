@@ -8,7 +8,7 @@ use crate::geometry::median::{MEDIAN_TO_SD, upper_median};
 use crate::images::image::{Image, find_blobs, measure_distances};
 use crate::images::relief::Relief;
 
-/// What a camera shows at a place, relative to the ropes around it.
+/// The depth at a place, relative to the ropes around it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Shown {
     /// No depth, or no decision from it.
@@ -42,7 +42,7 @@ pub struct Ropes<'a> {
     pub radius_px: f64,
 }
 
-/// What the camera shows, on a grid around the ropes.
+/// A grid around the ropes of what the camera shows there.
 #[derive(Debug, Clone)]
 pub struct Surroundings {
     relief: Relief,

@@ -1,4 +1,4 @@
-//! How far apart the points of a cloud are.
+//! The distance between neighbours in a cloud.
 
 use rayon::prelude::*;
 

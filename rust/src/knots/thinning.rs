@@ -80,7 +80,7 @@ impl Work<'_> {
         if self.closed { 3 } else { 2 }
     }
 
-    /// Tries all nodes except those after a removed one, so that all triangles grow alike.
+    /// Tries all nodes except those after a removed one, so that all triangles grow evenly.
     fn pass(&mut self, kept: &[u32]) {
         let (count, nodes) = (kept.len(), self.thinned.nodes);
         let node = |k: u32| nodes[k as usize];

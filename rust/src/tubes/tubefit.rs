@@ -67,7 +67,7 @@ pub struct EndObservation {
     pub sd: f64,
 }
 
-/// How a residual is measured.
+/// The measure of a residual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Residual {
     /// The distance from the axis less the radius; robust far from the solution.
@@ -88,7 +88,7 @@ pub struct TubeFitOptions {
     pub reference: Option<usize>,
     /// Standard deviations of the reported poses: rotation in radians, translation in metres.
     pub pose_sd: [f64; 2],
-    /// How residuals are measured.
+    /// The measure of residuals.
     pub residual: Residual,
     /// Tukey's limit in the first and the last iteration, radii.
     pub band: [f64; 2],

@@ -120,7 +120,7 @@ impl<V: Eight> Axis<V> {
     }
 }
 
-/// How well a tubelet explains a patch.
+/// The points that support a tubelet.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Support {
     /// The sum of the inliers' weights less the number of points inside the tube.

@@ -1,4 +1,4 @@
-//! What a fitted hypothesis leaves unexplained.
+//! The misfit of a hypothesis: what the fit leaves unexplained.
 
 use super::curves::Curves;
 use super::evidence::Seen;

@@ -37,7 +37,7 @@ struct Bridge {
 
 /// Finds the cheapest ways to join chains over gaps, or drop some, until `ropes` are left.
 ///
-/// If their number is not known, it joins as many as are worth it, where each rope costs `each`.
+/// If their number is not known, it joins chains while that saves more than `each`, the cost of a rope.
 pub fn join_pieces(
     silhouette: &Silhouette,
     chains: &[Vec<Place>],

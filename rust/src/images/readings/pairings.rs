@@ -14,7 +14,7 @@ const MAX_KEPT: usize = 6; // ways that are kept at most
 const MAX_TRIED: usize = 20_000; // ways that are tried at most
 const MAX_PORTS: usize = 24; // ports of a zone at most that are all joined with each other
 const PARTNERS: usize = 16; // nearest partners of each port in larger zones
-/// Joints that are examined at most: as many as that number of tries with that number of ports takes.
+/// Joints that are examined at most.
 const MAX_WORK: usize = MAX_TRIED * MAX_PORTS * MAX_PORTS * MAX_PORTS;
 
 /// A link between two ports of a zone, or from a port to a rope's end.
@@ -256,7 +256,7 @@ pub fn rank_pairings(
 /// The enumeration of ways.
 struct Search<'a> {
     joints: &'a [Joint],
-    /// What each port adds to the cost at least.
+    /// The least cost that each port adds.
     least: &'a [f64],
     region: &'a Region,
     covers: &'a [Vec<u64>],

@@ -7,7 +7,7 @@ use crate::geometry::{Point, squared_distance};
 /// The points of a hierarchy that have not been taken.
 pub struct Remaining<'a> {
     hierarchy: &'a Hierarchy,
-    /// How many of each box's points are left; not kept up to date inside empty boxes.
+    /// The number of points left in each box; not kept up to date inside empty boxes.
     nodes: Vec<u32>,
     /// Whether each point is left, in the order of the boxes.
     points: Vec<bool>,
