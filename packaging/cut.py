@@ -2,7 +2,7 @@
 
 python packaging/cut.py VERSION
 
-The version is that of Cargo.toml; Cargo.lock and CITATION.cff repeat it. Commits nothing and tags nothing.
+The version is in Cargo.toml; Cargo.lock and CITATION.cff repeat it. The script neither commits nor tags.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ EMPTY = "Nothing yet."
 
 
 def cut(root: Path, version: str, day: str) -> None:
+    """Write a version and its day into all files, or refuse before anything is written."""
     number = r"(0|[1-9]\d*)"
     if not re.fullmatch(rf"{number}\.{number}\.{number}", version, re.ASCII):
         raise ValueError(f"version: expected three numbers without leading zeros, as 0.2.0, got {version!r}")
@@ -25,16 +26,16 @@ def cut(root: Path, version: str, day: str) -> None:
     if not mark or rest.startswith((EMPTY, "## ")):
         raise ValueError("CHANGELOG.md: nothing is under Unreleased")
     if re.search(rf"^## {re.escape(version)} ", rest, re.MULTILINE):
-        raise ValueError(f"CHANGELOG.md: {version} is there already")
+        raise ValueError(f"CHANGELOG.md: {version} exists already")
     (now,) = re.findall(r'(?m)^version = "([^"]+)', (root / "Cargo.toml").read_text(encoding="utf-8"))
-    # the same is right as long as the changelog does not have it
-    if in_order(version) < in_order(now):
+    # the same version is fine while the changelog does not have it
+    if parse_version(version) < parse_version(now):
         raise ValueError(f"version: expected {now}, which is in Cargo.toml, or a higher one, got {version}")
     written = {
         "CHANGELOG.md": f"{head}{mark}{EMPTY}\n\n## {version} - {day}\n\n{rest}",
-        "Cargo.toml": replaced(root / "Cargo.toml", r'(?m)(?<=^version = ")[^"]+', version),
-        "Cargo.lock": replaced(root / "Cargo.lock", r'(?<=\nname = "strand"\nversion = ")[^"]+', version),
-        "CITATION.cff": replaced(
+        "Cargo.toml": replace_once(root / "Cargo.toml", r'(?m)(?<=^version = ")[^"]+', version),
+        "Cargo.lock": replace_once(root / "Cargo.lock", r'(?<=\nname = "strand"\nversion = ")[^"]+', version),
+        "CITATION.cff": replace_once(
             root / "CITATION.cff",
             r"(?m)^version: .+\n(date-released: .+\n)?",
             f"version: {version}\ndate-released: {day}\n",
@@ -44,11 +45,13 @@ def cut(root: Path, version: str, day: str) -> None:
         (root / name).write_text(text, encoding="utf-8")
 
 
-def in_order(version: str) -> list[int]:
+def parse_version(version: str) -> list[int]:
+    """Return the numbers of a version."""
     return [int(number) for number in version.split(".")]
 
 
-def replaced(path: Path, pattern: str, new: str) -> str:
+def replace_once(path: Path, pattern: str, new: str) -> str:
+    """Return a file's text with the one match of a pattern replaced."""
     text, count = re.subn(pattern, new, path.read_text(encoding="utf-8"))
     if count != 1:
         raise ValueError(f"{path.name}: expected one place of the version, got {count}")

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Installs a wheel for one Python and uses it, and prints a row of the table in packaging/README.md:
+# Installs a wheel for one Python, tests it, and prints a row of the table in packaging/README.md:
 #   packaging/installed.sh WHEEL PYTHON [REQUIREMENT...]
-# REQUIREMENT narrows what pip would choose, as in numpy==1.24.*. The tests are those of this checkout that need no peers.
+# REQUIREMENT narrows pip's choice, as in numpy==1.24.*. The tests are those of this checkout that need no peers.
 set -euo pipefail
 wheel=$(realpath "$1")
 python=$2
@@ -15,7 +15,7 @@ inside=$folder/venv/bin/python
     "${wheel}[cli]" pytest hypothesis jsonschema scipy "$@"
 
 versions=$("$inside" -c 'import platform, numpy; print(platform.python_version(), "|", numpy.__version__)')
-# what strand adds to NumPy, once its bytecode is written; of the processor, as the machine may be busy
+# processor time of the import after NumPy's, with bytecode written
 seconds=$("$inside" - <<'END'
 import statistics, subprocess, sys
 def once(modules):

@@ -1,10 +1,10 @@
-"""Write the licences of all that is compiled into a wheel's extension to LICENSE-THIRD-PARTY.
+"""Write the licences of all code in a wheel's extension to LICENSE-THIRD-PARTY.
 
 python packaging/licences.py
 
-Of a choice of licences MIT is taken. The crates are those of any system, found by cargo; Rust's standard
-library has the licences that come with the toolchain. A text is there once, with the names of all that it
-belongs to. cargo-about and cargo-bundle-licenses leave out the standard library and what the linker adds.
+Where a crate has a choice of licences, MIT is taken. cargo finds the crates of all systems. Rust's standard
+library has the licences that come with the toolchain. Each text appears once, with the names of its owners.
+cargo-about and cargo-bundle-licenses skip the standard library and the linker's code.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ and of Rust's standard library. Made by packaging/licences.py.
 
 """
 STANDARD = f"{LINE}\nRust's standard library"
-# crates that it has inside on Linux, macOS or Windows: lib*.rlib of the toolchain
+# crates in it on Linux, macOS or Windows: lib*.rlib of the toolchain
 IN_STANDARD = (
     "addr2line",
     "adler2",
@@ -43,31 +43,33 @@ IN_STANDARD = (
     "windows-sys",
     "windows-targets",
 )
-# what zig adds as a linker
+# code that zig adds as a linker
 ZIG = "Compiler's routines of Zig, in wheels that it linked: MIT"
 UNWIND = "LLVM's libunwind, in wheels that Zig linked: Apache-2.0 WITH LLVM-exception"
 
 
-def printed(*command: str) -> str:
+def run(*command: str) -> str:
+    """Return the output of a command."""
     return subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
-def cargo(*arguments: str) -> str:
-    return printed("cargo", *arguments, "--locked", "--features", "python")
+def run_cargo(*arguments: str) -> str:
+    """Return the output of cargo about the crate with its bindings."""
+    return run("cargo", *arguments, "--locked", "--features", "python")
 
 
-def compiled_in() -> list[dict]:
-    """What cargo says of the crates whose code a wheel may hold: no macros, none of tests or of the build."""
+def list_compiled_crates() -> list[dict]:
+    """Return the metadata of crates whose code a wheel may hold: no macros, none of tests or the build."""
     edges = ("--edges", "normal,no-proc-macro", "--target", "all")
-    lines = cargo("tree", *edges, "--prefix", "none", "--format", "{p}").splitlines()
+    lines = run_cargo("tree", *edges, "--prefix", "none", "--format", "{p}").splitlines()
     inside = {(name, version.removeprefix("v")) for name, version, *_ in map(str.split, filter(None, lines))}
-    packages = json.loads(cargo("metadata", "--format-version", "1"))["packages"]
+    packages = json.loads(run_cargo("metadata", "--format-version", "1"))["packages"]
     found = [crate for crate in packages if crate["source"] and (crate["name"], crate["version"]) in inside]
     return sorted(found, key=lambda crate: (crate["name"], crate["version"]))
 
 
-def chosen(files: dict[str, str], which: str) -> list[str]:
-    """Those of the texts by file name that must be told: one of MIT alone if there is one."""
+def choose_texts(files: dict[str, str], which: str) -> list[str]:
+    """Choose the texts of licences among files by their names: those of MIT alone if there are any."""
     texts = {name: text for name, text in files.items() if re.match(r"licen[cs]e|copying|notice", name, re.I)}
     mit = [text for name, text in texts.items() if "mit" in name.lower()]
     if not texts:
@@ -75,8 +77,8 @@ def chosen(files: dict[str, str], which: str) -> list[str]:
     return mit or list(texts.values())
 
 
-def sections(owned: list[tuple[str, list[str]]], where: str = "") -> str:
-    """Each text once, under the names of its owners."""
+def format_sections(owned: list[tuple[str, list[str]]], where: str = "") -> str:
+    """Return each text once, under the names of its owners."""
     owners: dict[str, list[str]] = {}
     shown: dict[str, str] = {}
     for owner, texts in owned:
@@ -88,9 +90,9 @@ def sections(owned: list[tuple[str, list[str]]], where: str = "") -> str:
     return "".join(f"{LINE}\n{where}{', '.join(names)}\n\n{shown[key]}\n\n" for key, names in owners.items())
 
 
-def of_crates() -> str:
-    """The first part: the list of crates, and their texts."""
-    crates = compiled_in()
+def describe_crates() -> str:
+    """Return the first part: the list of crates and their texts."""
+    crates = list_compiled_crates()
     lines = "".join(f"  {crate['name']} {crate['version']}: {crate['license']}\n" for crate in crates)
     owned = []
     for crate in crates:
@@ -101,16 +103,16 @@ def of_crates() -> str:
             if path.is_file() and path.suffix in ("", ".md", ".txt", ".0")
         }
         name = f"{crate['name']} {crate['version']}"
-        owned.append((name, chosen(files, name)))
-    return HEAD + lines + "\n" + sections(owned)
+        owned.append((name, choose_texts(files, name)))
+    return HEAD + lines + "\n" + format_sections(owned)
 
 
-def of_standard_library() -> str:
-    """The second part: what the toolchain says of its own and of its crates; what the linker adds."""
-    version = printed("rustc", "--version").split()[1]
-    folder = Path(printed("rustc", "--print", "sysroot").strip(), "share", "doc", "rust")
+def describe_standard_library() -> str:
+    """Return the second part: licences of the standard library, of its crates, and of the linker's code."""
+    version = run("rustc", "--version").split()[1]
+    folder = Path(run("rustc", "--print", "sysroot").strip(), "share", "doc", "rust")
     own = (folder / "COPYRIGHT-library.html").read_text(encoding="utf-8")
-    # the page of the library alone leaves out the crates of its backtraces
+    # the library's own page lacks the crates of its backtraces
     packages = (own + (folder / "COPYRIGHT.html").read_text(encoding="utf-8")).split("<h3>📦 ")[1:]
     texts = {
         path.stem: path.read_text(encoding="utf-8").strip() for path in (folder / "licenses").glob("*.txt")
@@ -123,20 +125,20 @@ def of_standard_library() -> str:
         package = next(package for package in packages if re.match(rf"{crate}-\d", package))
         notices = re.findall(r"<summary><code>(.+?)</code></summary>\s*<pre>(.*?)</pre>", package, re.DOTALL)
         files = {title: html.unescape(text) for title, text in notices}
-        owned.append((crate, chosen(files, crate)))
+        owned.append((crate, choose_texts(files, crate)))
     return (
         f"{STANDARD} {version}: MIT OR Apache-2.0\n\n"
         + "".join(f"Copyright: {html.unescape(right)}\n" for right in rights)
         + f"\n{mit}\n\n"
         + f"{LINE}\nTables of Unicode, in Rust's standard library\n\n{texts['Unicode-3.0']}\n\n"
-        + sections(owned, "in Rust's standard library: ")
+        + format_sections(owned, "in Rust's standard library: ")
         + f"{LINE}\n{ZIG}\n\nCopyright (c) Zig contributors\n\n{mit}\n\n"
         + f"{LINE}\n{UNWIND}\n\n{texts['Apache-2.0']}\n\n{texts['LLVM-exception']}\n"
     )
 
 
 def main() -> int:
-    WRITTEN.write_text(of_crates() + of_standard_library(), encoding="utf-8")
+    WRITTEN.write_text(describe_crates() + describe_standard_library(), encoding="utf-8")
     return 0
 
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds, installs and tests a source archive without any network, from vendored crates: packaging/offline.sh SDIST PYTHON
+# Builds, installs and tests a source archive without a network, from vendored crates: packaging/offline.sh SDIST PYTHON
 # PYTHON has maturin, NumPy, rustworkx and the tests' packages. Needs root or user namespaces, for `unshare`.
 set -euo pipefail
 sdist=$(realpath "$1")
@@ -8,7 +8,7 @@ folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 tar -xzf "$sdist" -C "$folder" --strip-components=1
 cd "$folder"
-# the one step with a network: a distribution has these crates in an archive of its own
+# the only step with a network: a distribution packs these crates in an archive of its own
 mkdir .cargo
 cargo vendor --locked 2>/dev/null >.cargo/config.toml
 export CARGO_HOME=$folder/no-crates CARGO_TARGET_DIR=$folder/target PATH=$(dirname "$python"):$PATH

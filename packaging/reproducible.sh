@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Builds the last commit's wheel and source archive twice and compares their bits: packaging/reproducible.sh [OUT]
-# The second time with other folders, another time zone and other permissions. They are in OUT then, or dist/.
+# Builds the last commit's wheel and source archive twice, and compares their bits: packaging/reproducible.sh [OUT]
+# The second build has other folders, another time zone and other permissions. Copies them to OUT or dist/.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 out=${1:-dist}

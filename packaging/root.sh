@@ -1,7 +1,7 @@
 # Debian systems in folders, for the scripts here. Needs root and debootstrap.
 
-# system FOLDER SUITE [OPTION...]: a system that can use the network as this one does
-system() {
+# make_system FOLDER SUITE [OPTION...]: make a system with this system's network and certificates
+make_system() {
     local folder=$1 suite=$2
     shift 2
     debootstrap --variant=minbase "$@" "$suite" "$folder" >/dev/null
@@ -14,8 +14,8 @@ system() {
     trap "umount $(printf %q "$folder")/proc; $(trap -p EXIT | sed "s/^trap -- '\(.*\)' EXIT$/\1/")" EXIT
 }
 
-# inside FOLDER COMMAND...: the command there, with nothing of this user's settings
-inside() {
+# run_inside FOLDER COMMAND...: run a command there, without this user's settings
+run_inside() {
     local folder=$1
     shift
     chroot "$folder" env -i HOME=/root LANG=C.UTF-8 PATH=/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive \

@@ -1,8 +1,8 @@
-"""Print what is compiled into a wheel as a CycloneDX document, the same for the same commit and target.
+"""Print the compiled parts of a wheel as a CycloneDX document, equal for equal commits and targets.
 
 python packaging/sbom.py TARGET
 
-Maturin's own list has the crates of all systems and of the build, the time, and the folders of whoever built.
+Maturin's own list has the crates of all systems and of the build, the time, and folders of the machine.
 """
 
 from __future__ import annotations
@@ -16,14 +16,15 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 
 
-def cargo(*arguments: str) -> str:
+def run_cargo(*arguments: str) -> str:
+    """Return the output of cargo about the crate with its bindings."""
     command = ["cargo", *arguments, "--locked", "--features", "python"]
     return subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
-def compiled_in(target: str) -> set[tuple[str, str]]:
-    """Names and versions of crates whose code a wheel holds: not those of macros, tests or the build."""
-    tree = cargo(
+def list_compiled_crates(target: str) -> set[tuple[str, str]]:
+    """Return names and versions of crates whose code a wheel holds: no macros, none of tests or the build."""
+    tree = run_cargo(
         *("tree", "--edges", "normal,no-proc-macro", "--target", target, "--prefix", "none"),
         *("--format", "{p}"),
     )
@@ -31,8 +32,8 @@ def compiled_in(target: str) -> set[tuple[str, str]]:
     return {(name, version.removeprefix("v")) for name, version in pairs}
 
 
-def checksums() -> dict[tuple[str, str], str]:
-    """SHA-256 of each crate's archive, as Cargo.lock has them."""
+def read_checksums() -> dict[tuple[str, str], str]:
+    """Return the SHA-256 of each crate's archive, from Cargo.lock."""
     found = {}
     for entry in (ROOT / "Cargo.lock").read_text().split("[[package]]")[1:]:
         values = dict(line.split(" = ", 1) for line in entry.splitlines() if " = " in line)
@@ -42,7 +43,8 @@ def checksums() -> dict[tuple[str, str], str]:
     return found
 
 
-def component(crate: dict, checksum: str | None) -> dict:
+def make_component(crate: dict, checksum: str | None) -> dict:
+    """Return a crate as a component."""
     reference = f"pkg:cargo/{crate['name']}@{crate['version']}"
     made = {
         "type": "library",
@@ -60,8 +62,8 @@ def component(crate: dict, checksum: str | None) -> dict:
     return made
 
 
-def toolchain() -> list[dict]:
-    """What Rust and zig put into every wheel: the standard library; routines of compilers."""
+def list_toolchain() -> list[dict]:
+    """Return the components that Rust and zig put into every wheel."""
     rust = subprocess.run(["rustc", "--version"], check=True, stdout=subprocess.PIPE, text=True).stdout
     zig = re.search(r"^ziglang==(\S+)", (ROOT / "packaging" / "requirements.txt").read_text(), re.MULTILINE)
     parts = [
@@ -86,8 +88,8 @@ def toolchain() -> list[dict]:
     ]
 
 
-def needed(node: dict, references: dict[str, str]) -> list[str]:
-    """What a crate needs when it runs, of what is compiled in."""
+def find_needed(node: dict, references: dict[str, str]) -> list[str]:
+    """Return the references of the compiled crates that a crate needs at run time."""
     return sorted(
         references[link["pkg"]]
         for link in node["deps"]
@@ -95,22 +97,24 @@ def needed(node: dict, references: dict[str, str]) -> list[str]:
     )
 
 
-def document(target: str) -> dict:
-    metadata = json.loads(cargo("metadata", "--format-version", "1", "--filter-platform", target))
-    inside = compiled_in(target)
+def make_document(target: str) -> dict:
+    """Return the whole document of a target."""
+    metadata = json.loads(run_cargo("metadata", "--format-version", "1", "--filter-platform", target))
+    inside = list_compiled_crates(target)
     crates = {
         crate["id"]: crate for crate in metadata["packages"] if (crate["name"], crate["version"]) in inside
     }
-    sums = checksums()
+    sums = read_checksums()
     components = {
-        name: component(crate, sums.get((crate["name"], crate["version"]))) for name, crate in crates.items()
+        name: make_component(crate, sums.get((crate["name"], crate["version"])))
+        for name, crate in crates.items()
     }
     root = components.pop(metadata["resolve"]["root"])
-    given = toolchain()
+    given = list_toolchain()
     always = [part["bom-ref"] for part in given]
     references = {name: f"pkg:cargo/{crate['name']}@{crate['version']}" for name, crate in crates.items()}
     dependencies = [
-        {"ref": references[node["id"]], "dependsOn": [*needed(node, references), *always]}
+        {"ref": references[node["id"]], "dependsOn": [*find_needed(node, references), *always]}
         for node in metadata["resolve"]["nodes"]
         if node["id"] in references
     ]
@@ -130,4 +134,4 @@ def document(target: str) -> dict:
 if __name__ == "__main__":
     if len(sys.argv) != 2:
         sys.exit(__doc__)
-    print(json.dumps(document(sys.argv[1]), indent=1))
+    print(json.dumps(make_document(sys.argv[1]), indent=1))

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds this checkout's wheel for Linux and its source archive: packaging/wheel.sh [OUT [TARGET]]
-# The same commit, Rust and tools (requirements.txt) give the same bits, wherever the checkout and Cargo's folders are.
+# The same commit, Rust and tools (requirements.txt) give the same bits in any folder.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 out=${1:-dist}
@@ -15,7 +15,7 @@ tools=$CARGO_TARGET_DIR/wheel-tools
 "$tools/bin/python" -m pip install --quiet --disable-pip-version-check -r packaging/requirements.txt
 export PATH=$tools/bin:$PATH
 
-# panics name source files: let them do so without the folders of this machine
+# panics name source files: removes this machine's folders from these names
 cargo fetch --quiet --locked --target "$target"
 cargo_home=${CARGO_HOME:-$HOME/.cargo}
 commit=$(rustc -vV | sed -n 's/^commit-hash: //p')
@@ -38,7 +38,7 @@ maturin sdist --out "$built"
 shown=$(auditwheel show "$built"/*.whl | tr '\n' ' ')
 echo "wheel.sh: $shown"
 if [[ $shown != *"following platform tag: \"$tag\""* ]]; then
-    echo "wheel.sh: the wheel is not for $tag" >&2
+    echo "wheel.sh: the wheel does not have the tag $tag" >&2
     exit 1
 fi
 if unzip -p "$built"/*.whl '*.so' | grep -aqF -e "$PWD/" -e "$CARGO_TARGET_DIR/" -e "$cargo_home/"; then

@@ -77,7 +77,7 @@ def test_crates_come_from_the_registry_of_the_list(rules, crates):
 def test_wheels_have_the_licences_of_all_that_is_compiled_in():
     written = licences.WRITTEN.read_text(encoding="utf-8")
     crates, standard = written.split(licences.STANDARD)
-    assert crates == licences.of_crates(), "run python packaging/licences.py"
+    assert crates == licences.describe_crates(), "run python packaging/licences.py"
     assert {"nalgebra", "pyo3", "rayon"} <= set(re.findall(r"^  ([\w-]+) [\d.]+: ", crates, re.MULTILINE))
     assert [name for name in licences.IN_STANDARD if not re.search(rf"library: .*\b{name}\b", standard)] == []
     project = read_toml(ROOT / "pyproject.toml")["project"]
@@ -86,10 +86,10 @@ def test_wheels_have_the_licences_of_all_that_is_compiled_in():
 
 def test_of_a_choice_of_licences_mit_is_told():
     files = {"LICENSE-MIT": "m", "LICENSE-APACHE": "a", "README.md": "r"}
-    assert licences.chosen(files, "x 1.0") == ["m"]
-    assert licences.chosen({"LICENSE": "l", "NOTICE": "n"}, "x 1.0") == ["l", "n"]
+    assert licences.choose_texts(files, "x 1.0") == ["m"]
+    assert licences.choose_texts({"LICENSE": "l", "NOTICE": "n"}, "x 1.0") == ["l", "n"]
     with pytest.raises(SystemExit, match=r"x 1\.0: no file with a licence"):
-        licences.chosen({"README.md": "r"}, "x 1.0")
+        licences.choose_texts({"README.md": "r"}, "x 1.0")
 
 
 def test_packages_name_their_licence():

@@ -164,7 +164,7 @@ def test_the_version_of_the_crate_is_cut_as_long_as_the_changelog_does_not_have_
         ("00.01.007", "without leading zeros"),
         ("0.2.٣", "expected three numbers"),
         ("0.0.9", "or a higher one, got 0.0.9"),
-        (VERSION, "is there already"),
+        (VERSION, "exists already"),
     ],
 )
 def test_a_release_is_refused_before_anything_is_written(version, reason, copied):

@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[3]
 
 @pytest.fixture(scope="module", params=["x86_64-unknown-linux-gnu", "aarch64-unknown-linux-gnu"])
 def document(request):
-    return sbom.document(request.param)
+    return sbom.make_document(request.param)
 
 
 def test_what_is_compiled_in_is_listed_and_nothing_else(document):
