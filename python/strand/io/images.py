@@ -15,19 +15,10 @@ from strand.io.budget import Budget
 from strand.support.extras import import_extra
 from strand.support.files import FileFormatError
 
-PNG_COLORS = {
-    0: "grey",
-    2: "RGB",
-    3: "palette",
-    4: "grey and alpha",
-    6: "RGB and alpha",
-}  # PNG's colour types
-COLOR_FORMATS = (
-    "PNG",
-    "JPEG",
-    "BMP",
-    "PPM",
-)  # the formats that cameras write: Pillow starts programs for others
+# names of PNG's colour types
+PNG_COLORS = {0: "grey", 2: "RGB", 3: "palette", 4: "grey and alpha", 6: "RGB and alpha"}
+# the formats that cameras write; for some others, Pillow starts programs
+COLOR_FORMATS = ("PNG", "JPEG", "BMP", "PPM")
 # tags of a TIFF file, and their values
 BITS = 258  # tag: bits of each sample
 COMPRESSION = 259  # tag: method of compression

@@ -13,10 +13,8 @@ from strand.support.files import FileFormatError, read_bytes, read_json
 
 MAX_BYTES = 1 << 16  # largest file, bytes
 
-_CENTERS = (
-    ("cx", "cy"),
-    ("ppx", "ppy"),
-)  # JSON keys of the principal point; RealSense writes the second pair
+# JSON keys of the principal point; RealSense writes the second pair
+_CENTERS = (("cx", "cy"), ("ppx", "ppy"))
 
 
 def read_intrinsics(path: str | os.PathLike[str]) -> Array:

@@ -17,11 +17,8 @@ from strand.io.text_rows import is_long_enough, read_rows, split_lines
 from strand.support.files import FileFormatError
 
 MAX_HEADER = 1 << 16  # longest header, bytes
-ORDERS = {
-    "ascii": "",
-    "binary_little_endian": "<",
-    "binary_big_endian": ">",
-}  # NumPy's mark of each byte order
+# NumPy's mark of each byte order
+ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 TYPES = {  # NumPy's name of each type
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4"},
     **{"double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4"},

@@ -97,7 +97,7 @@ def read_depth_topic(
         info = _decode_first(bag, place, INFO)
         if info is None:
             there = ", ".join(bag.find_topics(INFO)) or "none"
-            reason = f"no CameraInfo on {place}; there is one on: {there}; or give intrinsics (--intrinsics)"
+            reason = f"no CameraInfo on {place} (the bag has it on: {there}); give intrinsics (--intrinsics)"
             raise FileFormatError(bag.path, reason, topic)
         try:
             calibration = read_calibration(
