@@ -1,4 +1,4 @@
-"""What several files share: stored data, scenes, models, real frames, the measure of a reconstruction."""
+"""Fixtures of several tests: stored data, scenes, models, real frames, the measure of a reconstruction."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from strand.synthetic import SyntheticScene
 
 
 def pytest_configure() -> None:
-    """Listen to interrupts, which tests raise: what a shell starts in the background may ignore them."""
+    """Listen to interrupts, which tests raise: a shell may ignore them for background processes."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -33,31 +33,31 @@ def pytest_unconfigure() -> None:
 
 @pytest.fixture(scope="session")
 def data() -> Path:
-    """The folder of stored data."""
+    """Return the folder of stored data."""
     return collection.DATA
 
 
 @pytest.fixture(scope="session")
 def collected() -> Callable[[str], SyntheticScene]:
-    """A scene of the collection by its name."""
+    """Return a function that gives a scene of the collection by its name."""
     return cache(collection.make_scene)
 
 
 @pytest.fixture(scope="session")
 def paper() -> SyntheticScene:
-    """The published experiment, simulated."""
+    """Return the published experiment, simulated."""
     return strand.synthetic.scene("paper", seed=3)
 
 
 @pytest.fixture(scope="session")
 def paper_model(paper: SyntheticScene) -> strand.Model:
-    """What the default method makes of it, with the stages."""
+    """Return its model by the default method, with the stages."""
     return strand.reconstruct(paper.views, paper.radius, paper.bounds, keep_stages=True)
 
 
 @pytest.fixture(scope="session")
 def tucked_under() -> SyntheticScene:
-    """A rope whose end lies under another one, one radius beyond its axis, seen from one place."""
+    """Return a rope whose end lies under another rope, a radius beyond its axis, seen by one camera."""
     over = [
         np.linspace(-0.1, 0.1, 201),
         np.zeros(201),
@@ -69,13 +69,13 @@ def tucked_under() -> SyntheticScene:
 
 @pytest.fixture(scope="session")
 def frame() -> Callable[[str], strand.View]:
-    """A real depth frame by its number, in the camera frame: x right, y down, z forward."""
+    """Return a function that gives a real depth frame by its number, in the camera frame."""
     return lambda name: strand.View.from_depth(frames.load_depth(name), frames.load_intrinsics())
 
 
 @pytest.fixture(scope="session")
 def measure() -> Callable[[strand.Model, Sequence[np.ndarray], float], Measure]:
-    """How well a model matches true centrelines."""
+    """Return a function that measures a model by true centrelines."""
     return lambda model, truth, radius: measure_chains(
         [chain.points for chain in model.chains], truth, radius
     )
@@ -83,13 +83,13 @@ def measure() -> Callable[[strand.Model, Sequence[np.ndarray], float], Measure]:
 
 @pytest.fixture
 def threads() -> Iterator[Callable[[int], None]]:
-    """Sets the number of threads; afterwards it is as it was."""
+    """Give a function that sets the number of threads, and restore it afterwards."""
     yield strand.set_num_threads
     strand.set_num_threads(0)
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """A skipped test fails the run: it would hide what is missing."""
+    """Fail the run if a test was skipped: that would hide a missing package."""
     reporter = session.config.pluginmanager.get_plugin("terminalreporter")
     if reporter is not None and reporter.stats.get("skipped") and session.exitstatus == 0:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED

@@ -1,4 +1,4 @@
-"""The benches start, and what they share: the collection of scenes and the real frames."""
+"""The benches start, and their helpers work: the collection of scenes, the real frames, results."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ROOT = BENCHES.parent
 SCRIPTS = [path.name for path in sorted(BENCHES.glob("*.py")) if "def main()" in path.read_text()]
 
 
-def run(script, *arguments, folder):
+def run_bench(script, *arguments, folder):
     return subprocess.run(
         [sys.executable, BENCHES / script, *arguments],
         cwd=folder,
@@ -55,7 +55,7 @@ print(json.dumps(answers))
 
 @pytest.fixture(scope="module")
 def usages():
-    """Return what each bench answers to --help: asked in one process, as importing takes most of the time."""
+    """Return each bench's answer to --help. One process asks all, as imports take most of the time."""
     command = [sys.executable, "-c", ASK_ALL, *(str(BENCHES / script) for script in SCRIPTS)]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
@@ -110,7 +110,7 @@ def test_output_is_kept_by_its_command(tmp_path, monkeypatch, capsys):
 def test_the_same_answers_have_the_same_digest(tmp_path):
     digests = []
     for options in ([], ["--views", "0", "3", "6"], []):
-        done = run("scenes.py", "--only", "arc_0.3mm", "--runs", "1", *options, folder=tmp_path)
+        done = run_bench("scenes.py", "--only", "arc_0.3mm", "--runs", "1", *options, folder=tmp_path)
         assert done.returncode == 0, done.stderr
         assert "| arc_0.3mm | right | 1 of 1 |" in done.stdout
         assert "Topology right on 1 of 1 scenes" in done.stdout
@@ -178,7 +178,7 @@ def test_real_frames_are_depths_in_metres():
 
 
 def test_scenes_that_are_not_right_are_counted_and_drawn(tmp_path):
-    """Two scenes of a folder, one of them with the truth of another rope."""
+    """One of the folder's two scenes has the truth of another rope."""
     for i, camera in enumerate(("tof", "d435")):
         made = strand.synthetic.scene(
             "arc",
@@ -189,7 +189,7 @@ def test_scenes_that_are_not_right_are_counted_and_drawn(tmp_path):
         )
         truth = made.truth if i == 0 else (made.truth[0] + 0.05,)
         dataclasses.replace(made, truth=truth).save(tmp_path / f"arc_{camera}_1v.npz")
-    done = run("sensors.py", tmp_path, "--pictures", tmp_path / "drawn", folder=tmp_path)
+    done = run_bench("sensors.py", tmp_path, "--pictures", tmp_path / "drawn", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     rows = [
         [cell.strip() for cell in line.split("|")[1:-1]] for line in done.stdout.splitlines() if "|" in line

@@ -1,7 +1,7 @@
-"""Every code block of the documentation runs as it stands: Python, commands; TOML and JSON are read.
+"""Every code block of the documentation runs: Python and commands. TOML and JSON are read.
 
-Text is what programs say. What the blocks take as given is in `shared/code_blocks.py`. The recipes for
-cameras' libraries run in `test_recipes.py`.
+Blocks of text are output of programs. `shared/code_blocks.py` has the data and files that blocks need.
+`test_recipes.py` runs the recipes for cameras' libraries.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from shared.scene_files import make_ply
 from strand.report import rerun_view
 from strand.support.files import read_toml
 
-# headings of blocks that need a camera's library, or ROS: test_recipes.py runs them with stand-ins of these
+# headings of blocks that need a camera's library or ROS: test_recipes.py runs them with stand-ins
 WITH_LIBRARIES = {"docs/recordings.md": frozenset({"RealSense", "Orbbec", "ZED", "A ROS 2 node"})}
 RUN = (ROOT / "run").read_text(encoding="utf-8")
 PROJECT = read_toml(ROOT / "pyproject.toml")["project"]
@@ -35,7 +35,7 @@ BENCHES = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "benches"
 COMMANDS = [page for page in PAGES if any(words[0] == "strand" for words in find_commands(page))]
 
 
-def pages_with(language):
+def find_pages(language):
     return [page for page in PAGES if any(block.language == language for block in find_blocks(page))]
 
 
@@ -51,7 +51,7 @@ def test_blocks_that_run_elsewhere_are_there():
         assert headings <= {block.heading for block in find_blocks(page) if block.language == "python"}
 
 
-def readme(names, out, folder):
+def check_readme(names, out, folder):
     assert re.match(r"\d+ nodes, (39\d|40\d) mm, middle at \[.*\]\n", out)
     assert len(strand.load_model(folder / "rope.json").chains) == 1
     assert names["result"].fitness > 0.5
@@ -60,7 +60,7 @@ def readme(names, out, folder):
     assert max(len(nodes) for nodes, _ in names["arcs"]) > 10
 
 
-def batch(names, out, folder):
+def check_batch(names, out, folder):
     assert (names["counts"].made, names["counts"].errors) == (4, 1)
     assert names["table"].num_rows == 4
     # the first frame has no rope
@@ -75,32 +75,32 @@ def batch(names, out, folder):
     assert (folder / "summary.html").exists()
 
 
-def configuration(names, out, folder):
+def check_configuration(names, out, folder):
     (block,) = [block for block in find_blocks("docs/configuration.md") if block.language == "toml"]
     (folder / "numbers.toml").write_text(block.text)
     assert names["config"] == strand.config.load(folder / "numbers.toml") != strand.Config()
 
 
-def export(names, out, folder):
+def check_export(names, out, folder):
     assert names["simulated"].nbody > 10
     assert json.dumps(names["world"])
     assert {path.name for path in folder.iterdir()} >= {"tube.ply", "rope.urdf", "rope.xml", "rope.txt"}
 
 
-def pictures(names, out, folder):
+def check_pictures(names, out, folder):
     assert (folder / "report.html").stat().st_size > 100_000
     assert len(list((folder / "figures").glob("*.png"))) == 8
 
 
-def recordings(names, out, folder):
+def check_recordings(names, out, folder):
     assert out.startswith("2 ('/depth',) [17")
     assert out.count("Model(chains: 1") == 2
     assert len(names["path"]["poses"]) == len(names["model"].chains[0].points)
     np.testing.assert_array_equal(names["view"].pose, names["pose"])
 
 
-def first_grasp(names, out, folder):
-    """What the page says of each step, and that a gripper would hold the rope."""
+def check_first_grasp(names, out, folder):
+    """Check the page's figures, and that a gripper would hold the rope."""
     assert [chain.length for chain in names["first"].chains] == pytest.approx([0.361, 0.280], abs=1e-3)
     assert names["first"].confidence == pytest.approx(0.13, abs=0.01)
     assert [chain.length for chain in names["model"].chains] == pytest.approx([0.729], abs=1e-3)
@@ -114,7 +114,7 @@ def first_grasp(names, out, folder):
     along = truth[node + 3] - truth[node - 3]
     assert abs(x @ along) / np.linalg.norm(along) > 0.99
     np.testing.assert_allclose(np.cross(x, y), z, atol=1e-12)
-    # the fingers come down from above, and between them is this one stretch of rope
+    # the fingers come down from above and close on one stretch of rope
     assert z @ normal < -0.9
     along, across, _ = np.abs((truth - place) @ pose[:3, :3]).T
     between = np.flatnonzero((along < 0.008) & (across < names["best"].width / 2))
@@ -126,7 +126,7 @@ def first_grasp(names, out, folder):
     assert {path.name for path in (folder / "drawn").iterdir()} == {path.name for path in pictures.iterdir()}
 
 
-def recipes(names, out, folder):
+def check_recipes(names, out, folder):
     assert names["near"].distance[0] < 1e-6
     np.testing.assert_allclose(names["same_place"], names["middle"][:3, 3], atol=1e-4)
     assert len(names["every_20_mm"]) == 21
@@ -137,18 +137,18 @@ def recipes(names, out, folder):
 
 
 CHECKS = {
-    "README.md": readme,
-    "docs/batch.md": batch,
-    "docs/configuration.md": configuration,
-    "docs/export.md": export,
-    "docs/first_grasp.md": first_grasp,
-    "docs/pictures.md": pictures,
-    "docs/recipes.md": recipes,
-    "docs/recordings.md": recordings,
+    "README.md": check_readme,
+    "docs/batch.md": check_batch,
+    "docs/configuration.md": check_configuration,
+    "docs/export.md": check_export,
+    "docs/first_grasp.md": check_first_grasp,
+    "docs/pictures.md": check_pictures,
+    "docs/recipes.md": check_recipes,
+    "docs/recordings.md": check_recordings,
 }
 
 
-@pytest.mark.parametrize("page", pages_with("python"))
+@pytest.mark.parametrize("page", find_pages("python"))
 def test_python(page, tmp_path, capsys):
     threads = strand.num_threads()
     names = run_python(page, tmp_path, WITH_LIBRARIES.get(page, frozenset()))
@@ -166,7 +166,7 @@ def test_known_lengths_tell_how_many_ropes(monkeypatch):
 
 @pytest.fixture
 def rerun(monkeypatch):
-    """Rerun's package is too large for the tests; `test_rerun_view.py` has a stand-in of it."""
+    """Replace Rerun, whose package is too large for the tests."""
     monkeypatch.setitem(sys.modules, "rerun", sys)
     monkeypatch.setattr(rerun_view, "show", lambda *_, **__: None)
     monkeypatch.setattr(rerun_view, "write_recording", lambda model, views, path, **_: path.touch())
@@ -219,7 +219,7 @@ def test_other_commands_have_their_targets(command):
         assert " ".join(command) in ("python3 -m venv .venv", ". .venv/bin/activate")
 
 
-@pytest.mark.parametrize("page", sorted({*pages_with("toml"), *pages_with("json")}))
+@pytest.mark.parametrize("page", sorted({*find_pages("toml"), *find_pages("json")}))
 def test_data(page, tmp_path):
     for block in find_blocks(page):
         if block.language == "toml":
@@ -230,7 +230,7 @@ def test_data(page, tmp_path):
 
 
 def test_the_scene_of_the_page_on_files_is_read(tmp_path):
-    """As it stands, with files of the names that it has."""
+    """Read the page's scene.toml beside files with its names."""
     (block,) = [block for block in find_blocks("docs/files.md") if block.language == "toml"]
     (tmp_path / "scene.toml").write_text(block.text)
     scene = code_blocks.make_arc()

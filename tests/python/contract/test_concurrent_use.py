@@ -1,4 +1,4 @@
-"""Threads that share views and a model, at once: the bits of one thread."""
+"""Threads that share views and a model at the same time get the bits of one thread."""
 
 from __future__ import annotations
 
@@ -40,32 +40,32 @@ def made():
 
 @pytest.fixture
 def often_switched():
-    """Threads take turns as often as they can, where there is a lock at all."""
+    """Let threads take turns as often as possible, if there is a lock."""
     before = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
     yield
     sys.setswitchinterval(before)
 
 
-def bits(value):
-    """What tells two answers from each other."""
+def get_bits(value):
+    """Return a value's bits."""
     if isinstance(value, np.ndarray):
         return value.dtype.str, value.shape, value.tobytes()
     if isinstance(value, (list, tuple)):
-        return [bits(each) for each in value]
+        return [get_bits(each) for each in value]
     return value if isinstance(value, (str, float, int, bool)) else repr(value)
 
 
-def solved(made, views=None):
+def solve(made, views=None):
     return strand.reconstruct(made.views if views is None else views, made.radius, made.bounds, ropes=1)
 
 
-def nodes(model):
-    return bits([*(chain.points for chain in model.chains), model.poses, model.pose_sd, model.confidence])
+def collect_bits(model):
+    return get_bits([*(chain.points for chain in model.chains), model.poses, model.pose_sd, model.confidence])
 
 
-def at_once(work):
-    """What each thread got: all start together."""
+def run_at_once(work):
+    """Return each thread's result; all start together."""
     start = threading.Barrier(THREADS)
 
     def go(number):
@@ -78,25 +78,25 @@ def at_once(work):
 
 @pytest.mark.usefixtures("often_switched")
 def test_views_that_threads_share_give_the_same_model(made):
-    expected = nodes(solved(made))
+    expected = collect_bits(solve(made))
     views = made.views
-    assert at_once(lambda _: nodes(solved(made, views))) == [expected] * THREADS
+    assert run_at_once(lambda _: collect_bits(solve(made, views))) == [expected] * THREADS
 
 
 @pytest.mark.usefixtures("often_switched")
 def test_a_model_that_threads_share_gives_the_same_answers(made):
-    alone = solved(made)
-    expected = {name: bits(ask(alone)) for name, ask in ASKED.items()}
+    alone = solve(made)
+    expected = {name: get_bits(ask(alone)) for name, ask in ASKED.items()}
     names = list(ASKED)
 
     def answers(model, number):
-        """All of them, each thread from another one on: half of the time two ask for the same at once."""
+        """Ask all, each second thread from another question on: two threads ask the same at once."""
         turned = names[number // 2 :] + names[: number // 2]
-        return {name: bits(ASKED[name](model)) for name in turned}
+        return {name: get_bits(ASKED[name](model)) for name in turned}
 
     for _ in range(3):
-        model = solved(made)
-        for found in at_once(lambda number, model=model: answers(model, number)):
+        model = solve(made)
+        for found in run_at_once(lambda number, model=model: answers(model, number)):
             assert found == expected
 
 
@@ -104,17 +104,17 @@ def test_a_model_that_threads_share_gives_the_same_answers(made):
 def test_kernels_give_the_same_while_the_number_of_threads_changes(threads):
     points = np.random.default_rng(1).uniform(size=(3000, 3))
     kernels = [lambda: count_neighbors(points, 0.1), lambda: estimate_normals(points, k=8)]
-    expected = [bits(kernel()) for kernel in kernels]
+    expected = [get_bits(kernel()) for kernel in kernels]
 
     def work(number):
         for count in range(1, 6):
             if number == 0:
                 threads(count)
             for kernel, wanted in zip(kernels, expected, strict=True):
-                assert bits(kernel()) == wanted
+                assert get_bits(kernel()) == wanted
         return True
 
-    assert all(at_once(work))
+    assert all(run_at_once(work))
 
 
 def test_an_interpreter_without_a_lock_stays_so():

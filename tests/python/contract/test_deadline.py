@@ -1,4 +1,4 @@
-"""reconstruct(deadline=): an answer soon after it, and a doubt that names what was left out."""
+"""reconstruct(deadline=): an answer soon after it, and a doubt that names the skipped steps."""
 
 from __future__ import annotations
 

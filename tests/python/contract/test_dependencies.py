@@ -1,4 +1,4 @@
-"""Licences, duplicates and sources of crates, as `deny.toml` says; licences in wheels and of packages."""
+"""Licences, duplicates and sources of crates follow `deny.toml`; wheels and packages name their licences."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def rules():
 
 @pytest.fixture(scope="module")
 def crates():
-    """Every crate that Cargo.lock names, on any system and with all features, but strand itself."""
+    """Return all crates of Cargo.lock but strand, for any system and all features."""
     command = ["cargo", "metadata", "--format-version", "1", "--locked", "--all-features"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
     found = [crate for crate in json.loads(done.stdout)["packages"] if crate["source"] is not None]
@@ -31,7 +31,7 @@ def crates():
 
 
 def is_allowed(expression, allowed):
-    """Whether a licence expression of SPDX can be met with some licences."""
+    """Tell whether some licences meet an SPDX expression."""
     words = re.findall(r"\(|\)|[^\s()/]+(?:\s+WITH\s+[^\s()/]+)?|/", expression)
     meaning = {"OR": "or", "/": "or", "AND": "and", "(": "(", ")": ")"}
     return eval(" ".join(meaning.get(word, str(" ".join(word.split()) in allowed)) for word in words))

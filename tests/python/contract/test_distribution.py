@@ -1,4 +1,4 @@
-"""The distribution's name is in pyproject.toml alone, the version in Cargo.toml."""
+"""Only pyproject.toml has the distribution's name, and only Cargo.toml the version."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ VERSION = read_toml(ROOT / "Cargo.toml")["package"]["version"]
 NAME = PROJECT["name"]
 KINDS = ("*.md", "*.py", "*.toml", "*.yml", "*.yaml", "*.sh", "*.txt")
 ROOMS = ("python", "tests", "benches", "docs", "examples", "packaging", ".github")
-# what changes with the name: requirements, names of wheels, questions about what is installed
+# places that change with the name: requirements, names of wheels, metadata of the installed package
 CARRIES = r"""(?x) \b{0}\[[a-z,]+\] | \b{0}-\S*\.(whl|tar)
     | pip3?\s+install\s([^`\n]*['"\s])?{0}(['"\s=<>`]|$)
     | (version|distribution|requires|files)\(["']{0}["']\)"""
 
 
-def places(name):
-    """Lines outside of pyproject.toml that carry a distribution's name."""
+def find_places(name):
+    """Return the lines outside of pyproject.toml that carry a distribution's name."""
     files = [path for room in ROOMS for kind in KINDS for path in (ROOT / room).rglob(kind)]
     files += [path for kind in KINDS for path in ROOT.glob(kind)]
     skipped = {Path(__file__).resolve(), ROOT / "pyproject.toml"}
@@ -66,8 +66,8 @@ def test_what_carries_none(line):
 
 
 def test_the_name_is_in_one_file():
-    assert places(NAME) == []
-    assert [place for place in places("maturin") if place.startswith("CONTRIBUTING.md")] != []
+    assert find_places(NAME) == []
+    assert [place for place in find_places("maturin") if place.startswith("CONTRIBUTING.md")] != []
 
 
 def test_extras_that_name_others_name_this_distribution():
@@ -112,18 +112,18 @@ def test_the_version_is_that_of_the_crate():
     assert set(installed) <= {VERSION}
 
 
-def headings(root):
+def list_headings(root):
     return re.findall(r"^## (.+)$", (root / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
 
 
 def test_the_changelog_has_the_version():
-    assert headings(ROOT)[0] == "Unreleased"
-    assert re.fullmatch(rf"{re.escape(VERSION)} - \d{{4}}-\d\d-\d\d", headings(ROOT)[1])
+    assert list_headings(ROOT)[0] == "Unreleased"
+    assert re.fullmatch(rf"{re.escape(VERSION)} - \d{{4}}-\d\d-\d\d", list_headings(ROOT)[1])
 
 
 @pytest.fixture
 def copied(tmp_path):
-    """What a release changes, with something to release."""
+    """Return a folder with the files that a release changes, and a change to release."""
     for name in ("CHANGELOG.md", "Cargo.toml", "Cargo.lock", "CITATION.cff"):
         shutil.copy(ROOT / name, tmp_path)
     text = (tmp_path / "CHANGELOG.md").read_text(encoding="utf-8")
@@ -134,7 +134,7 @@ def copied(tmp_path):
 
 def test_a_release_is_cut_in_all_places(copied):
     cut.cut(copied, "12.3.4", "2030-01-02")
-    assert headings(copied)[:3] == ["Unreleased", "12.3.4 - 2030-01-02", headings(ROOT)[1]]
+    assert list_headings(copied)[:3] == ["Unreleased", "12.3.4 - 2030-01-02", list_headings(ROOT)[1]]
     assert "Unreleased\n\nNothing yet.\n\n## 12.3.4 - 2030-01-02\n\n- A change.\n" in (
         copied / "CHANGELOG.md"
     ).read_text(encoding="utf-8")
@@ -154,7 +154,7 @@ def test_the_version_of_the_crate_is_cut_as_long_as_the_changelog_does_not_have_
     ):
         cut.cut(copied, "9.9.1", "2030-01-02")
     cut.cut(copied, "9.10.0", "2030-01-02")
-    assert headings(copied)[1] == "9.10.0 - 2030-01-02"
+    assert list_headings(copied)[1] == "9.10.0 - 2030-01-02"
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The pages say what the code says: numbers of the configuration, public names, rooms, links."""
+"""Pages and code agree: numbers of the configuration, public names, folders, links."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def test_the_configuration_page_has_every_field_with_its_default():
         assert re.findall(r"^\| `(\w+)`", rows, re.MULTILINE) == [e.name for e in dataclasses.fields(section)]
 
 
-def anchors(page):
-    """What the headings of a page are called in links."""
+def list_anchors(page):
+    """Return the names of a page's headings in links."""
     headings = re.findall(r"^#+ (.+)$", page.read_text(), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
@@ -53,7 +53,7 @@ def test_links_lead_somewhere(page, link):
     target, _, anchor = link.partition("#")
     path = page.parent / target if target else page
     assert path.exists()
-    assert not anchor or anchor in anchors(path)
+    assert not anchor or anchor in list_anchors(path)
 
 
 def test_there_are_links_to_be_checked():

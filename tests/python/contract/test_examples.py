@@ -1,4 +1,4 @@
-"""The examples run as they stand, small."""
+"""The examples run, with few views and seeds."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 pytestmark = pytest.mark.skipif(sys.version_info < (3, 11), reason="MuJoCo 4 needs Python 3.11")
 
 
-def said(folder, *arguments):
-    """What an example prints; it leaves nothing behind."""
-    # without a screen; elsewhere MuJoCo draws by what the system has
+def run_example(folder, *arguments):
+    """Return an example's output; it must leave no file."""
+    # EGL needs no screen; other systems use their own drawing
     drawn_by = {"MUJOCO_GL": "egl"} if sys.platform == "linux" else {}
     name, *others = map(str, arguments)
     done = subprocess.run(
@@ -35,7 +35,7 @@ def said(folder, *arguments):
 
 @pytest.mark.parametrize("views", [1, 2])
 def test_a_rope_in_mujoco_is_found_where_it_lies(tmp_path, views):
-    found = said(tmp_path, "simulated_rope.py", "--shape", "overhand", "--views", views)
+    found = run_example(tmp_path, "simulated_rope.py", "--shape", "overhand", "--views", views)
     rms, most = map(float, re.search(r"off by (\S+) mm \(RMS\), (\S+) mm at most", found).groups())
     assert rms < 0.4
     assert most < 1.5
@@ -46,7 +46,7 @@ def test_a_rope_in_mujoco_is_found_where_it_lies(tmp_path, views):
 @pytest.mark.parametrize(("task", "left"), [("pick", 1), ("straighten", 0), ("untie", 0)])
 def test_the_planner_does_what_it_is_asked_to(tmp_path, task, left):
     # how many crossings the simulated rope has then; 20 ropes of each are tried by a bench
-    assert said(tmp_path, "planner.py", task, "--seed", 6) == f"done: {left} crossings are left\n"
+    assert run_example(tmp_path, "planner.py", task, "--seed", 6) == f"done: {left} crossings are left\n"
 
 
 def test_the_planner_is_short():

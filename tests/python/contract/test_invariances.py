@@ -1,4 +1,4 @@
-"""What must not matter to an answer: frame, scale, order of views and points, threads, what is far."""
+"""Answers do not depend on frame, scale, order of views and points, threads, and far points."""
 
 from __future__ import annotations
 
@@ -12,15 +12,14 @@ from lib.measure import measure_chains
 from strand import View
 from strand.views.pose import make_rotation
 
-# how far nodes may be from where they were, in radii, and how much the confidence may differ: points that are
-# moved are rounded otherwise, and searches that end at a tolerance end a little earlier or later, which moves
-# ends most
-NEAR, SURE = 0.1, 0.1
+# moved points are rounded differently, and searches end earlier or later, which moves ends most
+NEAR = 0.1  # radii: greatest distance between nodes
+SURE = 0.1  # greatest difference of confidences
 
 
 @dataclass(frozen=True)
 class Case:
-    """A scene, how it is reconstructed, and its answer."""
+    """A scene, its views and configuration, and its answer."""
 
     scene: strand.synthetic.SyntheticScene
     views: tuple[View, ...]
@@ -33,7 +32,7 @@ class Case:
         return strand.reconstruct(views, radius, bounds, config=self.config, **more)
 
 
-def made(scene, views, config):
+def make_case(scene, views, config):
     model = strand.reconstruct(views, scene.radius, scene.bounds, config=config)
     assert model.chains
     return Case(scene, tuple(views), config, model)
@@ -43,26 +42,26 @@ def made(scene, views, config):
 def case(request):
     if request.param == "tubes":
         scene = strand.synthetic.scene("overhand", seed=2, views=3)
-        return made(scene, scene.views, strand.Config())
+        return make_case(scene, scene.views, strand.Config())
     if request.param == "two":
         chains = strand.synthetic.random_ropes(2, 2, seed=5)
         scene = strand.synthetic.scene(chains=chains, seed=5, views=3)
-        return made(scene, scene.views, strand.Config())
+        return make_case(scene, scene.views, strand.Config())
     if request.param == "published":
         scene = strand.synthetic.scene("arc", seed=3, views=3)
-        return made(scene, scene.views, strand.Config.published())
+        return make_case(scene, scene.views, strand.Config.published())
     scene = strand.synthetic.scene("loop", seed=5, camera=strand.synthetic.Camera("d405"), views=1)
-    return made(scene, scene.views, strand.Config())
+    return make_case(scene, scene.views, strand.Config())
 
 
-def depth_view(scene, number, pose, scale=1.0):
+def make_view(scene, number, pose, scale=1.0):
     mask = None if scene.mask is None else scene.mask[number]
     depth = scene.depth[number] * (scene.depth_scale * scale)
     return View.from_depth(depth, scene.intrinsics, pose, mask=mask)
 
 
-def apart(some, others, radius):
-    """How far two models' ropes are apart at most, in radii; they run the same way or are turned."""
+def measure_difference(some, others, radius):
+    """Return the greatest distance between two models' ropes, in radii, in either direction."""
     assert len(some.chains) == len(others.chains)
     assert [chain.closed for chain in some.chains] == [chain.closed for chain in others.chains]
     worst = 0.0
@@ -73,8 +72,8 @@ def apart(some, others, radius):
     return worst / radius
 
 
-def same_ropes(model, case, motion=None, scale=1.0, near=NEAR):
-    """The model is the case's after a motion of the world, at a scale."""
+def assert_same_ropes(model, case, motion=None, scale=1.0, near=NEAR):
+    """Assert that a model is the case's after a motion of the world, at a scale."""
     motion = np.eye(4) if motion is None else motion
     back = np.linalg.inv(motion)
     chains = [
@@ -85,7 +84,7 @@ def same_ropes(model, case, motion=None, scale=1.0, near=NEAR):
     ]
     returned = strand.Model(chains, case.model.poses)
     plain = [strand.Chain(chain.points, chain.radius, chain.closed) for chain in case.model.chains]
-    assert apart(returned, strand.Model(plain, case.model.poses), case.scene.radius) < near
+    assert measure_difference(returned, strand.Model(plain, case.model.poses), case.scene.radius) < near
     if not np.isnan(model.confidence):
         assert model.confidence == pytest.approx(case.model.confidence, abs=SURE)
 
@@ -100,7 +99,7 @@ def test_the_world_frame_does_not_matter(case, seed):
     corners = np.array(case.scene.bounds) @ motion[:3, :3].T + motion[:3, 3]
     views = [view.moved(motion) for view in case.views]
     model = case.again(views, bounds=(corners.min(axis=0), corners.max(axis=0)))
-    same_ropes(model, case, motion)
+    assert_same_ropes(model, case, motion)
 
 
 @pytest.mark.parametrize("scale", [0.1, 25.0])
@@ -109,7 +108,7 @@ def test_the_scale_does_not_matter(case, scale):
     for number, view in enumerate(case.views):
         pose = view.pose.copy()
         pose[:3, 3] *= scale
-        views.append(depth_view(case.scene, number, pose, scale))
+        views.append(make_view(case.scene, number, pose, scale))
     bounds = tuple(scale * np.array(corner) for corner in case.scene.bounds)
     config = case.config
     # what is known of poses is in metres
@@ -120,12 +119,12 @@ def test_the_scale_does_not_matter(case, scale):
         ),
     )
     model = strand.reconstruct(views, scale * case.scene.radius, bounds, config=config)
-    same_ropes(model, case, scale=scale)
+    assert_same_ropes(model, case, scale=scale)
 
 
 def test_the_order_of_views_does_not_matter_if_the_middle_one_stays(case):
     model = case.again(case.views[::-1])
-    same_ropes(model, case)
+    assert_same_ropes(model, case)
 
 
 def test_the_order_of_points_does_not_matter(case):
@@ -136,11 +135,11 @@ def test_the_order_of_points_does_not_matter(case):
         for order in (np.arange, rng.permutation)
     )
     if one.confidence < 0.5:
-        # noise that images tell and points do not
+        # images show the noise, points do not
         assert other.confidence < 0.5
         return
-    # which points of a crowd are asked depends on their order
-    assert apart(one, other, case.scene.radius) < 2 * NEAR
+    # the order of points decides which points of a crowd are used
+    assert measure_difference(one, other, case.scene.radius) < 2 * NEAR
 
 
 def test_a_mirrored_scene_has_mirrored_ropes_and_crossings(case):
@@ -166,7 +165,7 @@ def test_a_mirrored_scene_has_mirrored_ropes_and_crossings(case):
         model.poses,
     )
     unmirrored = [strand.Chain(chain.points, chain.radius, chain.closed) for chain in direct.chains]
-    assert apart(mirrored, strand.Model(unmirrored, direct.poses), case.scene.radius) < 3 * NEAR
+    assert measure_difference(mirrored, strand.Model(unmirrored, direct.poses), case.scene.radius) < 3 * NEAR
     truth, radius = case.scene.truth, case.scene.radius
     right = measure_chains([chain.points for chain in direct.chains], truth, radius).crossings
     turned = measure_chains(
@@ -184,7 +183,7 @@ def test_what_lies_far_outside_the_bounds_does_not_matter(case):
         for view in plain
     ]
     # rays to the far cluster pass beside the ropes
-    assert apart(case.again(plain), case.again(views), case.scene.radius) < 1e-6
+    assert measure_difference(case.again(plain), case.again(views), case.scene.radius) < 1e-6
 
 
 def test_the_number_of_threads_changes_no_bit(case, threads):

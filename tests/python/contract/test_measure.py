@@ -1,4 +1,4 @@
-"""The measure of a reconstruction, on chains whose faults are known."""
+"""The measure of a reconstruction, on chains with known faults."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ACROSS = np.array([0.0, 1.0, 0.0])
 
 @pytest.fixture
 def rope():
-    """A loop: 0.05 m in, a circle of 0.03 m radius, 0.05 m on, its end passing over its start."""
+    """Return a loop: 0.05 m in, a circle of 0.03 m radius, 0.05 m on; its end passes over its start."""
     angle = np.linspace(0.0, 2.0 * np.pi, 200)
     into = np.stack([np.linspace(-0.05, 0.0, 50), np.zeros(50), np.full(50, R)], axis=1)
     circle = 0.03 * np.stack([np.sin(angle), 1.0 - np.cos(angle), np.zeros(200)], axis=1)

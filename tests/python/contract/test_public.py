@@ -1,4 +1,4 @@
-"""What a user sees of the package: its names, and what its values show of themselves."""
+"""The package's public names, and how its values print themselves."""
 
 from __future__ import annotations
 

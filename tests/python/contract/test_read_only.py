@@ -1,4 +1,4 @@
-"""Returned values hold arrays that nobody can change, and arrays that were given are never shared."""
+"""Arrays of returned values are read-only, and a caller's arrays are never shared."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ import strand
 from strand import Chain, View
 
 
-def arrays_of(value, path="model"):
-    """All arrays that a returned value holds, with where they are."""
+def find_arrays(value, path="model"):
+    """Yield all arrays of a value, with their places."""
     if isinstance(value, np.ndarray):
         yield path, value
     elif dataclasses.is_dataclass(value):
         for field in dataclasses.fields(value):
-            yield from arrays_of(getattr(value, field.name), f"{path}.{field.name}")
+            yield from find_arrays(getattr(value, field.name), f"{path}.{field.name}")
     elif isinstance(value, dict):
         for key, item in value.items():
-            yield from arrays_of(item, f"{path}[{key!r}]")
+            yield from find_arrays(item, f"{path}[{key!r}]")
     elif isinstance(value, (list, tuple)):
         for number, item in enumerate(value):
-            yield from arrays_of(item, f"{path}[{number}]")
+            yield from find_arrays(item, f"{path}[{number}]")
 
 
 @pytest.mark.parametrize("config", [strand.Config(), strand.Config.published()])
 def test_no_array_of_a_model_can_be_changed(config):
     scene = strand.synthetic.scene("loop", seed=2, views=2)
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds, config=config, keep_stages=True)
-    found = dict(arrays_of(model))
+    found = dict(find_arrays(model))
     assert len(found) > 10
     assert [path for path, array in found.items() if array.flags.writeable] == []
     with pytest.raises(ValueError, match="read-only"):
@@ -54,7 +54,7 @@ def test_no_array_of_a_view_can_be_changed():
 
 
 class Lent:
-    """What lends its array, as tensors and data frames do."""
+    """Lends its array, as tensors and data frames do."""
 
     def __init__(self, array):
         self.array = array
@@ -63,7 +63,7 @@ class Lent:
         return self.array
 
 
-def given_as(kind, array, folder):
+def give_as(kind, array, folder):
     if kind == "memmap":
         path = folder / "points.npy"
         np.save(path, array)
@@ -78,7 +78,7 @@ def given_as(kind, array, folder):
 
 @pytest.mark.parametrize("kind", ["array", "memmap", "subclass", "lent"])
 def test_what_the_caller_does_with_its_array_later_changes_nothing(kind, tmp_path):
-    points, theirs = given_as(kind, np.arange(12.0).reshape(4, 3), tmp_path)
+    points, theirs = give_as(kind, np.arange(12.0).reshape(4, 3), tmp_path)
     view, chain = View(points), Chain(points, 0.1)
     length = chain.length
     theirs[:] = 7.0
@@ -88,29 +88,29 @@ def test_what_the_caller_does_with_its_array_later_changes_nothing(kind, tmp_pat
     assert theirs.flags.writeable
 
 
-def masked(array):
+def mask_one(array):
     return np.ma.masked_array(array, mask=np.arange(np.size(array)).reshape(np.shape(array)) == 1)
 
 
 @pytest.mark.parametrize(
     ("call", "name"),
     [
-        (lambda: View(masked(np.ones((4, 3)))), "points"),
-        (lambda: View(np.ones((4, 3)), masked(np.eye(4))), "pose"),
-        (lambda: View(np.ones((4, 3)), colors=masked(np.ones((4, 3)))), "colors"),
-        (lambda: View.from_depth(masked(np.ones((4, 5))), np.diag([9.0, 9.0, 1.0])), "depth"),
-        (lambda: View.from_depth(np.ones((4, 5)), masked(np.diag([9.0, 9.0, 1.0]))), "intrinsics"),
+        (lambda: View(mask_one(np.ones((4, 3)))), "points"),
+        (lambda: View(np.ones((4, 3)), mask_one(np.eye(4))), "pose"),
+        (lambda: View(np.ones((4, 3)), colors=mask_one(np.ones((4, 3)))), "colors"),
+        (lambda: View.from_depth(mask_one(np.ones((4, 5))), np.diag([9.0, 9.0, 1.0])), "depth"),
+        (lambda: View.from_depth(np.ones((4, 5)), mask_one(np.diag([9.0, 9.0, 1.0]))), "intrinsics"),
         (
             lambda: View.from_depth(
-                np.ones((4, 5)), np.diag([9.0, 9.0, 1.0]), mask=masked(np.ones((4, 5), dtype=bool))
+                np.ones((4, 5)), np.diag([9.0, 9.0, 1.0]), mask=mask_one(np.ones((4, 5), dtype=bool))
             ),
             "mask",
         ),
-        (lambda: View.from_world(masked(np.ones((4, 3))), (0, 0, 1)), "points"),
-        (lambda: View.from_world(np.ones((4, 3)), masked(np.ones(3))), "viewpoint"),
-        (lambda: View.from_world(np.ones((4, 3)), (0, 0, 1), masked(np.ones((4, 3)))), "colors"),
-        (lambda: View(np.ones((4, 3))).crop((masked(np.zeros(3)), np.ones(3))), "bounds"),
-        (lambda: Chain(masked(np.arange(12.0).reshape(4, 3)), 0.1), "points"),
+        (lambda: View.from_world(mask_one(np.ones((4, 3))), (0, 0, 1)), "points"),
+        (lambda: View.from_world(np.ones((4, 3)), mask_one(np.ones(3))), "viewpoint"),
+        (lambda: View.from_world(np.ones((4, 3)), (0, 0, 1), mask_one(np.ones((4, 3)))), "colors"),
+        (lambda: View(np.ones((4, 3))).crop((mask_one(np.zeros(3)), np.ones(3))), "bounds"),
+        (lambda: Chain(mask_one(np.arange(12.0).reshape(4, 3)), 0.1), "points"),
     ],
 )
 def test_masked_elements_are_refused(call, name):

@@ -1,4 +1,4 @@
-"""The README's commands, and how long it is; `test_code_blocks.py` runs its examples."""
+"""The README's commands and length; `test_code_blocks.py` runs its examples."""
 
 from __future__ import annotations
 

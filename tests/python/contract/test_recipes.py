@@ -1,4 +1,4 @@
-"""The recipes for live cameras, run as they stand with stand-ins of the cameras' libraries."""
+"""The recipes for live cameras run with stand-ins of the cameras' libraries."""
 
 from __future__ import annotations
 
@@ -22,44 +22,44 @@ POSE = SCENE.poses[1]
 BOUNDS = ([-0.5, -0.5, 0.05], [0.5, 0.5, 2.0])
 
 
-def ropes_only():
-    """The depth image, millimetres, without the table: in the camera's frame no box cuts that away."""
+def crop_depth():
+    """Return the depth image, millimetres, without the table: no box in the camera's frame excludes it."""
     points = SCENE.views[1].world_points
     depth = DEPTH.copy()
     depth[depth > 0] *= ((points > SCENE.bounds[0]) & (points < SCENE.bounds[1])).all(axis=1)
     return depth
 
 
-SEEN = ropes_only()
+SEEN = crop_depth()
 
 
-def recipe(title):
+def find_recipe(title):
     return re.search(rf"^### {title}\n\n```python\n(.*?)```", PAGE, re.MULTILINE | re.DOTALL).group(1)
 
 
-def lens(**names):
+def make_lens(**names):
     return SimpleNamespace(fx=K[0, 0], fy=K[1, 1], **names)
 
 
-def stream(*results):
-    """A call that gives these one after the other, and then is interrupted."""
+def make_stream(*results):
+    """Return a call that gives some results in turn, and then is interrupted."""
     return MagicMock(side_effect=[*results, KeyboardInterrupt])
 
 
-def run(monkeypatch, title, **modules):
+def run_recipe(monkeypatch, title, **modules):
     for name, content in modules.items():
         module = ModuleType(name.replace("__", "."))
         module.__dict__.update(content)
         monkeypatch.setitem(sys.modules, module.__name__, module)
     names = {"BOUNDS": BOUNDS}
-    code = recipe(title)
+    code = find_recipe(title)
     assert len(code.strip().splitlines()) <= 23
     with pytest.raises(KeyboardInterrupt):
         exec(code, names)
     return names
 
 
-def check(model):
+def check_model(model):
     want = strand.View.from_depth(SEEN, K, depth_scale=0.001)
     (chain,) = strand.reconstruct([want], radius=0.004, bounds=BOUNDS).chains
     np.testing.assert_allclose(model.chains[0].points, chain.points, rtol=0, atol=1e-6)
@@ -70,13 +70,13 @@ def test_realsense(monkeypatch, capsys):
     frame = MagicMock()
     frame.get_depth_frame().get_data.side_effect = [SEEN, np.zeros_like(SEEN)]
     pipeline = MagicMock()
-    pipeline.wait_for_frames = stream(frame, frame)
+    pipeline.wait_for_frames = make_stream(frame, frame)
     profile = pipeline.start()
     profile.get_device().first_depth_sensor().get_depth_scale.return_value = 0.001
     video = profile.get_stream().as_video_stream_profile()
-    video.get_intrinsics.return_value = lens(ppx=K[0, 2], ppy=K[1, 2])
-    check(
-        run(
+    video.get_intrinsics.return_value = make_lens(ppx=K[0, 2], ppy=K[1, 2])
+    check_model(
+        run_recipe(
             monkeypatch,
             "RealSense",
             pyrealsense2={"pipeline": lambda: pipeline, "stream": SimpleNamespace(depth=1)},
@@ -91,14 +91,14 @@ def test_orbbec(monkeypatch):
     frame.get_height.return_value, frame.get_width.return_value = SEEN.shape
     frame.get_depth_scale.return_value = 1.0
     pipeline = MagicMock()
-    pipeline.wait_for_frames = stream(None, MagicMock(get_depth_frame=lambda: frame))
-    pipeline.get_camera_param().depth_intrinsic = lens(cx=K[0, 2], cy=K[1, 2])
+    pipeline.wait_for_frames = make_stream(None, MagicMock(get_depth_frame=lambda: frame))
+    pipeline.get_camera_param().depth_intrinsic = make_lens(cx=K[0, 2], cy=K[1, 2])
     content = {
         "Pipeline": lambda: pipeline,
         "Config": MagicMock,
         "OBSensorType": SimpleNamespace(DEPTH_SENSOR=1),
     }
-    check(run(monkeypatch, "Orbbec", pyorbbecsdk=content)["model"])
+    check_model(run_recipe(monkeypatch, "Orbbec", pyorbbecsdk=content)["model"])
 
 
 def test_zed(monkeypatch):
@@ -106,8 +106,8 @@ def test_zed(monkeypatch):
     depth[SEEN == 0] = np.resize([np.nan, np.inf, -np.inf], np.count_nonzero(SEEN == 0))
     camera = MagicMock()
     camera.open.return_value = 0
-    camera.grab = stream(1, 0)
-    camera.get_camera_information().camera_configuration.calibration_parameters.left_cam = lens(
+    camera.grab = make_stream(1, 0)
+    camera.get_camera_information().camera_configuration.calibration_parameters.left_cam = make_lens(
         cx=K[0, 2], cy=K[1, 2]
     )
     sl = {
@@ -118,7 +118,7 @@ def test_zed(monkeypatch):
         "MEASURE": SimpleNamespace(DEPTH=1),
         "ERROR_CODE": SimpleNamespace(SUCCESS=0),
     }
-    check(run(monkeypatch, "ZED", pyzed={}, pyzed__sl=sl)["model"])
+    check_model(run_recipe(monkeypatch, "ZED", pyzed={}, pyzed__sl=sl)["model"])
 
 
 def test_a_ros_2_node(monkeypatch):
@@ -134,7 +134,7 @@ def test_a_ros_2_node(monkeypatch):
         subscribed["depth"](image)
         raise KeyboardInterrupt
 
-    run(
+    run_recipe(
         monkeypatch,
         "A ROS 2 node",
         rclpy={"init": lambda: None, "create_node": lambda _: node, "spin": spin},
@@ -147,4 +147,4 @@ def test_a_ros_2_node(monkeypatch):
     (message,) = sent
     _, line, _ = message["markers"]
     assert line["header"] == {"stamp": {"sec": START // 10**9, "nanosec": 0}, "frame_id": "camera"}
-    check(SimpleNamespace(chains=[SimpleNamespace(points=[list(p.values()) for p in line["points"]])]))
+    check_model(SimpleNamespace(chains=[SimpleNamespace(points=[list(p.values()) for p in line["points"]])]))

@@ -1,4 +1,4 @@
-"""What `packaging/sbom.py` says is compiled into a wheel."""
+"""`packaging/sbom.py` lists the compiled parts of a wheel."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the documentation site makes of pages: links, names of headings, nothing from the network."""
+"""Pages of the documentation site: links, names of headings, nothing from the network."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_a_page_that_fetches_something_is_warned_of(caplog):
 
 @pytest.fixture(scope="module")
 def read():
-    """The package as the site's API pages see it."""
+    """Return the package as the site's API pages see it."""
     extensions = griffe.load_extensions(Habits())
     return griffe.load("strand", extensions=extensions, allow_inspection=False)
 

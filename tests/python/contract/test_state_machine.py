@@ -1,4 +1,4 @@
-"""Random sequences of public calls: only documented exceptions, no NaN, nothing that disagrees.
+"""Random sequences of public calls: only documented exceptions, no NaN, no contradictions.
 
 `STRAND_CALLS=100000 pytest tests/python/contract/test_state_machine.py` makes that many calls instead.
 """
@@ -21,7 +21,7 @@ DOCUMENTED = (strand.StrandError, ValueError, TypeError)
 
 
 class Calls:
-    """What was made so far, and the calls that may follow."""
+    """The views and models so far, and the calls that may follow."""
 
     def __init__(self, rng: np.random.Generator, folder) -> None:
         self.rng, self.folder = rng, folder
@@ -87,7 +87,7 @@ class Calls:
         if arguments["bounds"] is None:
             arguments["deadline"] = 1e-9
         model = strand.reconstruct(self.views[-4:], **arguments)
-        check(model)
+        check_model(model)
         self.models.append(model)
         del self.models[:-5]
 
@@ -96,7 +96,7 @@ class Calls:
             model = self.any(self.models)
             model.save(self.folder / "model.json")
             loaded = strand.load_model(self.folder / "model.json")
-            assert equal(model, loaded)
+            assert is_equal(model, loaded)
 
     def next_view(self) -> None:
         if self.models:
@@ -156,8 +156,8 @@ class Calls:
         return call.__name__
 
 
-def check(model: strand.Model) -> None:
-    """Nothing of a model is NaN that is not documented to be, and its parts agree."""
+def check_model(model: strand.Model) -> None:
+    """Check that a model has no undocumented NaN, and that its parts agree."""
     assert model.chains
     for chain in model.chains:
         for array in (chain.points, chain.tangents, chain.curvature, chain.arc_length):
@@ -177,8 +177,8 @@ def check(model: strand.Model) -> None:
         )
 
 
-def equal(some, other) -> bool:
-    """Whether a model and what was loaded of it say the same."""
+def is_equal(some, other) -> bool:
+    """Tell whether a model and its loaded copy are equal."""
     if len(some.chains) != len(other.chains):
         return False
     same = all(

@@ -1,1 +1,1 @@
-"""What tests share: ropes, files, recordings, calls, a browser."""
+"""Ropes, files, recordings, calls of kernels and a browser for several tests."""

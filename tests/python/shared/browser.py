@@ -1,4 +1,4 @@
-"""A headless Chromium that opens one page: what it asks for, what its console says, what it looks like."""
+"""A headless Chromium that opens one page: its requests, its console, its pictures."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-PATIENCE = 60.0  # seconds; a machine without a graphics card draws in software
+MAX_SECONDS = 60.0  # for an answer; a machine without a graphics card draws in software
 SWITCHES = (
     "--headless=new",
     "--no-sandbox",
@@ -30,7 +30,7 @@ SWITCHES = (
 
 
 class Page:
-    """One page in a browser, over the browser's debugging pipe: messages of JSON that end in a zero byte."""
+    """One page in a browser, over its debugging pipe: JSON messages that end in a zero byte."""
 
     def __init__(self, write: int, read: int) -> None:
         self._write, self._read = write, read
@@ -42,13 +42,13 @@ class Page:
             self.ask(f"{domain}.enable")
 
     def ask(self, method: str, **parameters: Any) -> Any:
-        """Call a method of the browser's, and return its result."""
+        """Call a method of the browser, and return its result."""
         self._number += 1
         message = {"id": self._number, "method": method, "params": parameters}
         if self._session is not None:
             message["sessionId"] = self._session
         os.write(self._write, json.dumps(message).encode() + b"\0")
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + MAX_SECONDS
         while True:
             answer = self._next(end)
             if answer.get("id") == self._number:
@@ -71,35 +71,35 @@ class Page:
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.ask("Emulation.setDeviceMetricsOverride", **size)
         self.ask("Page.navigate", url=path.resolve().as_uri())
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + MAX_SECONDS
         while not self.value("document.querySelector('[data-drawn]') !== null"):
             assert time.monotonic() < end, f"nothing was drawn: {self.said()}"
             time.sleep(0.1)
 
     def value(self, expression: str) -> Any:
-        """What an expression of JavaScript gives; promises are waited for."""
+        """Return the value of a JavaScript expression, after its promises."""
         done = self.ask("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in done, done["exceptionDetails"]
         return done["result"].get("value")
 
     def asked_for(self) -> list[str]:
-        """Addresses that the page asked for."""
+        """Return the addresses that the page requested."""
         requests = [e["params"] for e in self.events if e.get("method") == "Network.requestWillBeSent"]
         return [request["request"]["url"] for request in requests]
 
     def said(self) -> list[str]:
-        """What the console shows: messages, errors, and what the browser itself complains of."""
+        """Return the console's messages, errors, and complaints of the browser."""
         kinds = ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded")
         return [json.dumps(e["params"]) for e in self.events if e.get("method") in kinds]
 
     def screenshot(self, whole: bool = False) -> bytes:
-        """Return a PNG file of what is seen, or of the whole page."""
+        """Return a PNG file of the visible part, or of the whole page."""
         return base64.b64decode(self.ask("Page.captureScreenshot", captureBeyondViewport=whole)["data"])
 
 
 @contextlib.contextmanager
 def start_chromium(profile: Path) -> Iterator[Page]:
-    """Start Chromium with a folder of its own for what it keeps, and end it."""
+    """Start Chromium with a profile folder, and end it."""
     program = shutil.which("chromium")
     assert program, "these tests need the Debian package chromium"
     to_read, to_write = os.pipe()

@@ -1,4 +1,4 @@
-"""The code blocks of the documentation, and stand-ins for what they take as given: data and files."""
+"""The code blocks of the documentation, and the data and files that they need."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ PAGES = [
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block: where it is, and what it holds."""
+    """A fenced block: its place and its text."""
 
     page: str
     heading: str
@@ -56,12 +56,12 @@ def find_blocks(page: str) -> list[Block]:
     return found
 
 
-# What blocks take as given.
+# Data that blocks need.
 
 
 @cache
 def make_arc() -> SyntheticScene:
-    """One rope from three sides."""
+    """Return a scene of one rope from three sides."""
     return strand.synthetic.scene("arc", seed=0, views=3)
 
 
@@ -76,13 +76,13 @@ def solve_arc() -> strand.Model:
 
 
 def give_views() -> dict[str, Any]:
-    """Views of a rope, and what comes of them."""
+    """Return views of a rope, and their model."""
     model = solve_arc()
     return {"views": make_arc().views, "bounds": make_arc().bounds, "model": model, "chain": model.chains[0]}
 
 
 def give_clouds() -> dict[str, Any]:
-    """Two clouds of a rope, for kernels."""
+    """Return two clouds of a rope, for kernels."""
     source, target = (view.crop(make_arc().bounds).world_points for view in make_arc().views[:2])
     return {
         "points": target,
@@ -93,7 +93,7 @@ def give_clouds() -> dict[str, Any]:
 
 
 def give_image() -> dict[str, Any]:
-    """A depth image with all that may come with it, and views of two ropes alone."""
+    """Return a depth image with all its companions, and views of two ropes alone."""
     scene = make_two_ropes()
     depth = scene.depth[0] * scene.depth_scale
     return {
@@ -107,7 +107,7 @@ def give_image() -> dict[str, Any]:
 
 
 def give_messages() -> dict[str, Any]:
-    """Messages of a camera."""
+    """Return messages of a camera."""
     made, depth = Messages(), convert_to_millimeters(make_arc())[1]
     return {
         "stamp": START,
@@ -117,7 +117,7 @@ def give_messages() -> dict[str, Any]:
     }
 
 
-# by page: names for its n-th block of Python, from 0 on; they stay for those that follow
+# by page: names for its n-th block of Python, from 0 on; later blocks keep them
 GIVEN: dict[str, dict[int, Callable[[], dict[str, Any]]]] = {
     "README.md": {1: give_image, 2: give_clouds},
     "docs/configuration.md": {0: give_views},
@@ -131,8 +131,8 @@ GIVEN: dict[str, dict[int, Callable[[], dict[str, Any]]]] = {
 }
 
 
-def scene_folder(folder: Path) -> None:
-    """SCENE, a folder with a scene.toml and depth images."""
+def make_scene_folder(folder: Path) -> None:
+    """Make SCENE, a folder with a scene.toml and depth images."""
     (folder / "SCENE").mkdir()
     scene = make_arc()
     (fx, _, cx), (_, fy, cy), _ = scene.intrinsics.tolist()
@@ -145,8 +145,8 @@ def scene_folder(folder: Path) -> None:
     (folder / "SCENE" / "scene.toml").write_text("\n".join(text))
 
 
-def single_files(folder: Path) -> None:
-    """Point clouds and depth images, each of one view, and a camera's matrix."""
+def make_single_files(folder: Path) -> None:
+    """Make point clouds and depth images of one view each, and a camera's matrix."""
     view = make_arc().views[1].crop(make_arc().bounds)
     # where the camera is said to be on the command line
     points = view.world_points - view.viewpoint + (0.0, 0.0, 0.5)
@@ -167,8 +167,8 @@ def single_files(folder: Path) -> None:
     Image.fromarray((255 * (alone > 0)).astype(np.uint8)).save(folder / "mask.png")
 
 
-def bags(folder: Path) -> None:
-    """Recordings: rope.mcap of one camera, rope.bag of three, and the folder rope of 41 frames."""
+def make_bags(folder: Path) -> None:
+    """Make recordings: rope.mcap of one camera, rope.bag of three, and the folder rope of 41 frames."""
     table = [("table", "world", np.eye(4))]
     film_placed = [("/tf_static", START, Messages().tf(table, START)), *record_film(make_arc(), 2)]
     write_bag(folder / "made", "mcap", film_placed).rename(folder / "rope.mcap")
@@ -177,8 +177,8 @@ def bags(folder: Path) -> None:
     write_bag(folder / "rope", "sqlite3", record_film(make_arc(), 41))
 
 
-def many(folder: Path) -> None:
-    """Recordings: the first without a rope, one that is broken, and two of a rope."""
+def make_recordings(folder: Path) -> None:
+    """Make recordings: the first without a rope, a broken one, and two of a rope."""
     (folder / "recordings" / "monday").mkdir(parents=True)
     for name in ("arc", "loop"):
         made = strand.synthetic.scene(name, views=2, camera=strand.synthetic.Camera(size=(160, 120)), seed=1)
@@ -191,19 +191,19 @@ def many(folder: Path) -> None:
     (folder / "recordings" / "broken.npz").write_bytes(b"nonsense")
 
 
-# by page: what lies in the folder in which its blocks run
+# by page: the files in the folder in which its blocks run
 FILES: dict[str, tuple[Callable[[Path], None], ...]] = {
-    "README.md": (scene_folder, single_files),
-    "docs/batch.md": (many,),
-    "docs/command-line.md": (scene_folder,),
-    "docs/files.md": (single_files,),
-    "docs/pictures.md": (scene_folder,),
-    "docs/recordings.md": (bags,),
+    "README.md": (make_scene_folder, make_single_files),
+    "docs/batch.md": (make_recordings,),
+    "docs/command-line.md": (make_scene_folder,),
+    "docs/files.md": (make_single_files,),
+    "docs/pictures.md": (make_scene_folder,),
+    "docs/recordings.md": (make_bags,),
 }
 
 
 @contextlib.contextmanager
-def working_in(folder: Path) -> Iterator[None]:
+def change_folder(folder: Path) -> Iterator[None]:
     before = Path.cwd()
     os.chdir(folder)
     try:
@@ -217,7 +217,7 @@ def run_python(page: str, folder: Path, skipped: frozenset[str] = frozenset()) -
     for make in FILES.get(page, ()):
         make(folder)
     names: dict[str, Any] = {"strand": strand}
-    with working_in(folder):
+    with change_folder(folder):
         for number, block in enumerate(b for b in find_blocks(page) if b.language == "python"):
             names |= GIVEN.get(page, {}).get(number, dict)()
             if block.heading not in skipped:
@@ -243,5 +243,5 @@ def run_strand(page: str, folder: Path) -> list[tuple[tuple[str, ...], int]]:
     """Run a page's commands of strand, and return each with its exit code."""
     for make in FILES.get(page, ()):
         make(folder)
-    with working_in(folder):
+    with change_folder(folder):
         return [(words, main(words[1:])) for words in find_commands(page) if words[0] == "strand"]

@@ -9,7 +9,7 @@ from strand import centerline, count_neighbors, estimate_normals, icp, radius_ou
 
 
 def make_lattice(count=120, seed=0):
-    """Points that half precision holds exactly, with duplicates and equal distances among them."""
+    """Return points that half precision holds exactly, some duplicated or equally far apart."""
     return np.random.default_rng(seed).integers(-64, 64, (count, 3)) / 64.0
 
 
@@ -22,7 +22,7 @@ POSE = np.array([[0.0, -1, 0, 0.25], [1, 0, 0, -0.5], [0, 0, 1, 0.125], [0, 0, 0
 
 
 def list_arrays(result):
-    """All numbers of a kernel's answer in one list of arrays."""
+    """Return all numbers of a kernel's answer as a list of arrays."""
     if isinstance(result, strand.IcpResult):
         return [result.transformation, np.array([result.fitness, result.inlier_rmse, result.iterations])]
     return [result] if isinstance(result, np.ndarray) else list(result)

@@ -1,4 +1,4 @@
-"""Ropes and views that several files draw, and what they ask of models."""
+"""Ropes and views that several tests draw, and questions to models."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from strand.geometry.curve import Curve
 from strand.synthetic import camera_pose, render_depth, sense
 
 R = 0.0042
-# where the camera of `strip` is
+# the place of `sample_strip`'s camera
 CAMERA = np.array([0.0, 0.0, 0.4])
 
 
 def find_warnings(model, kind):
-    """A model's warnings of one kind."""
+    """Return a model's warnings of one kind."""
     return [warning for warning in model.warnings if warning.kind == kind]
 
 
 def draw_line(start, stop):
-    """Nodes half a radius apart from one place to another."""
+    """Return nodes half a radius apart from one place to another."""
     start, stop = np.array(start, float), np.array(stop, float)
     count = max(int(np.linalg.norm(stop - start) / (0.5 * R)), 2) + 1
     return start + np.linspace(0.0, 1.0, count)[:, None] * (stop - start)
 
 
 def find_rope_pixels(scene):
-    """(V, H, W) The pixels of a scene's images that see its ropes."""
+    """Return (V, H, W) the pixels of a scene's images that see its ropes."""
     size = scene.depth.shape[:0:-1]
     images = [
         render_depth(scene.truth, scene.radius, scene.intrinsics, pose, size, table=0.0)
@@ -37,7 +37,7 @@ def find_rope_pixels(scene):
 
 
 def sample_tube(axis: np.ndarray, camera: np.ndarray, noise: float, seed: int = 0) -> np.ndarray:
-    """Points evenly over that half of a tube's surface which faces a camera."""
+    """Return points evenly over the half of a tube's surface that faces a camera."""
     rng = np.random.default_rng(seed)
     chain = strand.Chain(axis, R)
     s = rng.uniform(0, chain.length, int(chain.length / 5e-5))
@@ -51,7 +51,7 @@ def sample_tube(axis: np.ndarray, camera: np.ndarray, noise: float, seed: int = 
 
 
 def hide_behind_plate(scene, low, high, z):
-    """Views of a scene with a level plate at the height z, from one corner in x and y to the other."""
+    """Return views of a scene behind a level plate at the height z, between two corners in x and y."""
     views = []
     (fx, _, cx), (_, fy, cy), _ = scene.intrinsics
     for depth, pose, true in zip(scene.depth, scene.poses, scene.poses_true, strict=True):
@@ -79,12 +79,12 @@ def draw_circle(radius: float, nodes: int, closed: bool) -> Chain:
 
 
 def measure_max_distance(chain, truth):
-    """How far a chain's nodes are from a true centreline at most, in radii."""
+    """Return the greatest distance of a chain's nodes from a true centreline, in radii."""
     return strand.Chain(truth, R).nearest(chain.points).distance.max() / R
 
 
 def sample_strip(radius: float, depth_noise: float = 0.0, seed: int = 0) -> np.ndarray:
-    """The upper half of a straight tube, evenly over the image of a camera above it."""
+    """Return points of a straight tube's upper half, evenly over the image of a camera above it."""
     rng = np.random.default_rng(seed)
     x, y = rng.uniform(-0.1, 0.1, 4000), rng.uniform(-radius, radius, 4000)
     z = np.sqrt(radius**2 - y**2)
@@ -97,7 +97,7 @@ def sample_strip(radius: float, depth_noise: float = 0.0, seed: int = 0) -> np.n
 def render_crossing(
     thin: float, thick: float, seed: int = 0, size: tuple[int, int] = (640, 480), count: int = 5
 ):
-    """Two ropes, the second over the first: views, extraction range and true axes."""
+    """Return views, extraction range and true axes of two ropes, the second over the first."""
     t = np.linspace(-0.5, 0.5, 400)
     under = np.stack([0.3 * t, 0.03 * np.sin(5 * t), thin + 0 * t], axis=1)
     over = np.stack([0.03 * np.sin(4 * t), 0.24 * t, 0 * t], axis=1)
@@ -120,26 +120,25 @@ def render_crossing(
     return views, (low, high), (under, over)
 
 
-CROSSED = 0.004
-"""Radius of the chains of `cross`, metres."""
+CROSSED = 0.004  # metres: radius of the chains of `draw_cross`
 
 
 def draw_straight(start: tuple[float, ...], end: tuple[float, ...], spacing: float = CROSSED) -> np.ndarray:
-    """Nodes of a straight chain."""
+    """Return the nodes of a straight chain."""
     a, b = np.array(start, dtype=float), np.array(end, dtype=float)
     count = int(np.linalg.norm(b - a) / spacing) + 1
     return a + np.linspace(0, 1, count)[:, None] * (b - a)
 
 
 def draw_cross(angle: float = np.pi / 2) -> list[np.ndarray]:
-    """Two straight chains, the second two radii above the first, that cross in the middle."""
+    """Return two straight chains that cross in the middle, the second two radii higher."""
     along = 0.05 * np.array([np.cos(angle), np.sin(angle), 0.0])
     up = np.array([0, 0, 2 * CROSSED])
     return [draw_straight((-0.05, 0, 0), (0.05, 0, 0)), draw_straight(tuple(up - along), tuple(up + along))]
 
 
 def make_smooth_chain() -> Chain:
-    """An open rope with bends of several radii, whose nodes are places of a smooth curve."""
+    """Return an open rope with bends of several radii, whose nodes lie on a smooth curve."""
     t = np.linspace(0.0, 4.0 * np.pi, 40)
     control = np.stack([0.03 * np.cos(t), 0.03 * np.sin(2.0 * t), 0.005 * t], axis=1)
     curve = Curve.whole(control)
@@ -147,7 +146,7 @@ def make_smooth_chain() -> Chain:
 
 
 def measure_path_distance(points: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
-    """(N,) Distance of points from the nearest of K straight lines between places, (K, 3) each."""
+    """Return (N,) the distance of points from the nearest of K segments between places, (K, 3) each."""
     line = stop - start
     square = np.maximum((line * line).sum(axis=1), 1e-30)
     nearest = np.full(len(points), np.inf)

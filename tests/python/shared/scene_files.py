@@ -1,4 +1,4 @@
-"""Files of recorded scenes, whole and with faults."""
+"""Files of recorded scenes."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def make_ply(encoding="ascii", points=POINTS, kind="double", more="", tail=b""):
 
 
 def make_grid_cloud():
-    """The organised cloud of 12 x 10 points in tests/data/clouds, row by row, and its colours."""
+    """Return the organised cloud of 12 x 10 points in tests/data/clouds, row by row, and its colours."""
     v, u = np.mgrid[:10, :12]
     points = np.stack([(u - 6) / 64, (v - 5) / 64, make_grid_depth()], axis=-1)
     points[points[..., 2] == 0] = np.nan
@@ -63,6 +63,6 @@ def make_grid_cloud():
 
 
 def make_grid_depth():
-    """Its depths (10, 12), metres; 0 where there is no return."""
+    """Return that cloud's depths (10, 12), metres; 0 for no return."""
     v, u = np.mgrid[:10, :12]
     return np.where((u + v) % 5 == 0, 0.0, 0.5 + ((7 * u + 3 * v) % 16) / 1024)
