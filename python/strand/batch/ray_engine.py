@@ -71,7 +71,7 @@ def run_units(
         The work's own error; the engine then ends all other work.
     """
     ray = import_extra("ray")
-    connected = nullcontext() if ray.is_initialized() else _connected(ray, workers * threads, address)
+    connected = nullcontext() if ray.is_initialized() else _hold_connection(ray, workers * threads, address)
     with connected:
         yield from _run_tasks(ray, work, units, threads)
 
@@ -114,9 +114,9 @@ def _get_counts(ray: Any, reference: Any) -> ShardCounts | None:
 
 
 @contextmanager
-def _connected(ray: Any, cpus: int, address: str | None) -> Iterator[None]:
+def _hold_connection(ray: Any, cpus: int, address: str | None) -> Iterator[None]:
     """Connect to a cluster or start one; at the end remove its folder, unless an error needs its logs."""
-    with nullcontext() if address is not None else _private_settings(ray):
+    with nullcontext() if address is not None else _use_private_settings(ray):
         try:
             session = _connect(ray, cpus, address)
         except RuntimeError as error:
@@ -139,7 +139,7 @@ def _connect(ray: Any, cpus: int, address: str | None) -> str | None:
         _check_answers(address)
         ray.init(address=address, log_to_driver=False, logging_level=logging.WARNING)
         return None
-    with _loopback_only(ray):
+    with _listen_on_loopback(ray):
         context = ray.init(
             address="local",
             num_cpus=cpus,
@@ -154,7 +154,7 @@ def _connect(ray: Any, cpus: int, address: str | None) -> str | None:
 
 
 @contextmanager
-def _private_settings(ray: Any) -> Iterator[None]:
+def _use_private_settings(ray: Any) -> Iterator[None]:
     """Make Ray send no statistics, and use a secret token; Ray itself would leave a token in a file."""
     variables = {"RAY_USAGE_STATS_ENABLED": "0"}
     if not any(name in os.environ for name in _TOKEN_VARIABLES):
@@ -174,7 +174,7 @@ def _reload_settings(ray: Any) -> None:
 
 
 @contextmanager
-def _loopback_only(ray: Any) -> Iterator[None]:
+def _listen_on_loopback(ray: Any) -> Iterator[None]:
     """Make Ray listen on 127.0.0.1; on Linux it would replace that by the machine's network address."""
     constants = ray._private.ray_constants
     before = constants.ENABLE_RAY_CLUSTER

@@ -128,8 +128,8 @@ def make_record_batch(rows: Sequence[Row], version: str, configuration: str) -> 
         ),
         "radius": [None if chain is None else chain.radius for chain in chains],
         "closed": [None if chain is None else chain.closed for chain in chains],
-        "confidence": [None if chain is None else _null_if_nan(chain.confidence) for chain in chains],
-        "model_confidence": [_null_if_nan(row.model_confidence) for row in rows],
+        "confidence": [None if chain is None else _replace_nan(chain.confidence) for chain in chains],
+        "model_confidence": [_replace_nan(row.model_confidence) for row in rows],
         "warnings": [[_escape_bytes(text) for text in row.warnings] for row in rows],
         "crossings": [
             None if row.chain is None else [_convert_crossing(crossing) for crossing in row.crossings]
@@ -156,11 +156,11 @@ def _convert_crossing(crossing: Crossing) -> dict[str, Any]:
         "point_over": crossing.point_over.tolist(),
         "point_under": crossing.point_under.tolist(),
         "height": crossing.height,
-        "height_sd": _null_if_nan(crossing.height_sd),
+        "height_sd": _replace_nan(crossing.height_sd),
         "gap": crossing.gap,
         "angle": crossing.angle,
         "sign": crossing.sign,
-        "probability": _null_if_nan(crossing.probability),
+        "probability": _replace_nan(crossing.probability),
     }
 
 
@@ -169,7 +169,7 @@ def _escape_bytes(text: str) -> str:
     return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
-def _null_if_nan(value: float) -> float | None:
+def _replace_nan(value: float) -> float | None:
     return None if np.isnan(value) else value
 
 

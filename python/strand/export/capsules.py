@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from strand.geometry.line import Line
 from strand.support.checks import Array, check_positive, freeze_array
 
-_SAMPLING = 0.05  # of the error: a smooth curve may be that far from the places that stand for it
+_SAMPLING_SHARE = 0.05  # of the error: a smooth curve may be that far from the places that stand for it
 _MIN_ERROR = 1e-3  # radii; below, thousands of capsules would be needed
 
 
@@ -75,7 +75,7 @@ def make_capsules(chains: Sequence[Line], error: float) -> Capsules:
     starts, stops, radii, numbers, arcs = [np.empty((0, 3))], [np.empty((0, 3))], [], [], [np.empty((0, 2))]
     for number, chain in enumerate(chains):
         s, places = _sample(chain, error)
-        kept = _choose_corners(places, (1.0 - 2.0 * _SAMPLING) * error)
+        kept = _choose_corners(places, (1.0 - 2.0 * _SAMPLING_SHARE) * error)
         starts.append(places[kept[:-1]])
         stops.append(places[kept[1:]])
         radii += [chain.radius] * (len(kept) - 1)
@@ -100,7 +100,7 @@ def _sample(chain: Line, error: float) -> tuple[Array, Array]:
     bend = 2.0 * float(np.linalg.norm(chain.curve.at(chain.arc_length)[2], axis=1).max())
     step = chain.length / (len(chain.points) - 1)
     if bend > 0:
-        step = min(step, math.sqrt(8.0 * _SAMPLING * error / bend))
+        step = min(step, math.sqrt(8.0 * _SAMPLING_SHARE * error / bend))
     s = np.linspace(0.0, chain.length, math.ceil(chain.length / step) + 1)
     return s, chain.at(s)
 

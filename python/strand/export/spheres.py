@@ -13,7 +13,7 @@ from strand.export.capsules import make_capsules
 from strand.geometry.line import Line
 from strand.support.checks import Array, check_positive, freeze_array
 
-_AXIS = 0.25  # of the error: for the distance of the centres' path from the centreline
+_AXIS_SHARE = 0.25  # of the error: for the distance of the centres' path from the centreline
 _MIN_ERROR = 1e-2  # radii; below, thousands of spheres would be needed
 
 
@@ -51,12 +51,12 @@ def make_spheres(chains: Sequence[Line], error: float) -> Spheres:
     smallest = max((chain.radius for chain in chains), default=0.0) * _MIN_ERROR
     if check_positive("error", error) < smallest:
         raise ValueError(f"error: expected at least 0.01 radii, {smallest:g} m, got {error}")
-    axes = make_capsules(chains, _AXIS * error)
+    axes = make_capsules(chains, _AXIS_SHARE * error)
     centers, radii, numbers = [np.empty((0, 3))], [], []
     for i, (start, stop) in enumerate(zip(axes.start, axes.stop, strict=True)):
         radius = float(axes.radius[i])
         # halfway between two centres the spheres meet sqrt(radius^2 - step^2 / 4) from the axis
-        waist = radius - min((1.0 - _AXIS) * error, radius)
+        waist = radius - min((1.0 - _AXIS_SHARE) * error, radius)
         step = 2.0 * math.sqrt(radius**2 - waist**2)
         share = np.linspace(0.0, 1.0, math.ceil(float(axes.lengths[i]) / step) + 1)
         # the next capsule starts where this one ends; that of a ring ends where it started

@@ -14,7 +14,7 @@ REACH = 4.0  # radii that a window reaches to either side
 _SIDE = 16  # places of a window on either side
 _PLACES = 4  # between two nodes, in the first search for the tightest bend
 _ROUNDS = 4  # of that search, each finer
-_FINER = 8.0  # times the step shrinks from round to round
+_REFINEMENT = 8.0  # times the step shrinks from round to round
 
 
 def fit_window(at: Callable[[Array], Array], s: Array, reach: float) -> tuple[Array, Array, Array]:
@@ -111,5 +111,5 @@ def find_tightest_bend(curve: Curve, arc_length: Array) -> tuple[float, float]:
         bends = np.linalg.norm(curve.at(s)[2], axis=1)
         worst, bend = float(s[bends.argmax()]), float(bends.max())
         s = np.clip(np.linspace(worst - step, worst + step, 17), arc_length[0], arc_length[-1])
-        step /= _FINER
+        step /= _REFINEMENT
     return (1.0 / bend, worst) if bend > 0 else (float("inf"), 0.0)

@@ -149,7 +149,7 @@ class Line:
     @lazy_property
     def tangents(self) -> Array:
         """(M, 3) Unit tangents at the nodes, in their order; without `curve` by central differences."""
-        return self._derivatives()[0]
+        return self._find_derivatives()[0]
 
     @lazy_property
     def curvature(self) -> Array:
@@ -159,17 +159,17 @@ class Line:
         repeat their neighbours' value; a line of two nodes has none.
         """
         if self.covariance is not None:
-            bend = bending.fit_window(self.at, *self._window(self.arc_length))[1]
+            bend = bending.fit_window(self.at, *self._place_windows(self.arc_length))[1]
             return np.asarray(np.linalg.norm(bend, axis=1))
-        return np.asarray(np.linalg.norm(self._derivatives()[1], axis=1))
+        return np.asarray(np.linalg.norm(self._find_derivatives()[1], axis=1))
 
-    def _window(self, s: Array) -> tuple[Array, float]:
+    def _place_windows(self, s: Array) -> tuple[Array, float]:
         """Return the centers of windows around places, kept inside an open line, and their half width."""
         reach = min(bending.REACH * self.radius, 0.5 * self.length)
         around = self.closed and self.curve is None
         return s if around else np.clip(s, reach, self.length - reach), reach
 
-    def _derivatives(self) -> tuple[Array, Array]:
+    def _find_derivatives(self) -> tuple[Array, Array]:
         """Return unit tangents and curvature vectors at the nodes."""
         if self.curve is not None:
             return self.curve.at(self.arc_length)[1:]
@@ -218,7 +218,7 @@ class Line:
         (..., 3) ndarray
             World frame, metres: on `curve`, or without one on the straight segments between nodes.
         """
-        at = self._clamped(s)
+        at = self._clamp(s)
         if self.curve is not None:
             return self.curve.at(at.ravel())[0].reshape(*at.shape, 3)
         return np.stack([np.interp(at, self._path_arcs, self._path[:, k]) for k in range(3)], axis=-1)
@@ -228,10 +228,10 @@ class Line:
 
         They are those of `curve`, or without one lie between the nodes' `tangents`.
         """
-        at = self._clamped(s)
+        at = self._clamp(s)
         if self.curve is not None:
             return self.curve.at(at.ravel())[1].reshape(*at.shape, 3)
-        mixed = self._between_nodes(self._directions, at)
+        mixed = self._interpolate_nodes(self._directions, at)
         lengths = np.linalg.norm(mixed, axis=-1, keepdims=True)
         # halfway around a line that turns back on itself there is none: take the one before
         lost = (lengths < 1e-9)[..., 0]
@@ -254,9 +254,9 @@ class Line:
             raise TypeError(f"values: expected real numbers, got dtype {given.dtype}")
         if not given.ndim or len(given) != len(self.points):
             raise ValueError(f"values: expected one for each of {len(self.points)} nodes, got {given.shape}")
-        return self._between_nodes(given.astype(np.float64), self._clamped(s))
+        return self._interpolate_nodes(given.astype(np.float64), self._clamp(s))
 
-    def _clamped(self, s: ArrayLike) -> Array:
+    def _clamp(self, s: ArrayLike) -> Array:
         """Return arc lengths on the line: clamped to the ends of an open one, wrapped around a closed one."""
         given = to_array("s", s)
         if given.dtype.kind not in "fiu":
@@ -268,7 +268,7 @@ class Line:
             return np.asarray(np.mod(at, self.length))
         return np.asarray(np.clip(at, 0.0, self.length))
 
-    def _between_nodes(self, values: Array, s: Array) -> Array:
+    def _interpolate_nodes(self, values: Array, s: Array) -> Array:
         """Return values of the nodes, linear between them, at arc lengths on the line."""
         known = self.arc_length
         if self.closed and self.curve is None:
@@ -295,7 +295,7 @@ class Line:
             start z is as near to the world's z as possible; to the world's x if the rope starts along z.
             Once around a closed line the frame comes back turned about x.
         """
-        at = self._clamped(s)
+        at = self._clamp(s)
         flat = at.ravel()
         place, tangent = self.at(flat), self.tangent_at(flat)
         node = np.clip(np.searchsorted(self.arc_length, flat, side="right") - 1, 0, len(self.points) - 1)
@@ -319,12 +319,12 @@ class Line:
             four radii of an open end it has the value four radii from there. Without covariances it is that
             of `curve`, or between the nodes' values.
         """
-        at = self._clamped(s)
+        at = self._clamp(s)
         if self.covariance is not None:
-            return bending.fit_window(self.at, *self._window(at.ravel()))[1].reshape(*at.shape, 3)
+            return bending.fit_window(self.at, *self._place_windows(at.ravel()))[1].reshape(*at.shape, 3)
         if self.curve is not None:
             return self.curve.at(at.ravel())[2].reshape(*at.shape, 3)
-        return self._between_nodes(self._derivatives()[1], at)
+        return self._interpolate_nodes(self._find_derivatives()[1], at)
 
     def torsion_at(self, s: ArrayLike) -> Array:
         """Return the torsion at arc lengths `s`, as `at` takes them.
@@ -338,9 +338,9 @@ class Line:
             either it is the angle between the planes of three nodes each, over the length of the step that
             they share, and linear between the steps' middles.
         """
-        at = self._clamped(s)
+        at = self._clamp(s)
         if self.covariance is not None:
-            return bending.find_window_torsion(self.at, *self._window(at.ravel())).reshape(at.shape)
+            return bending.find_window_torsion(self.at, *self._place_windows(at.ravel())).reshape(at.shape)
         if self.curve is not None:
             return bending.find_curve_torsion(self.curve, at)
         return bending.find_node_torsion(self.points, self.closed, at)
@@ -382,14 +382,14 @@ class Line:
         count = check_integer("n", n, 3 if self.closed else 2, _MAX_NODES)
         s = np.linspace(0.0, self.length, count, endpoint=not (self.closed and self.curve is None))
         numbers = np.arange(len(self.points), dtype=np.float64)
-        nearest = np.rint(self._between_nodes(numbers, s)).astype(np.intp)
+        nearest = np.rint(self._interpolate_nodes(numbers, s)).astype(np.intp)
         # on the last step of a closed line: the last node or the first
         beyond = s - self.arc_length[-1]
         nearest = np.where(beyond > 0, np.where(beyond < self.length - s, len(numbers) - 1, 0), nearest)
         return replace(
             self,
             points=self.at(s),
-            covariance=None if self.covariance is None else self._between_nodes(self.covariance, s),
+            covariance=None if self.covariance is None else self._interpolate_nodes(self.covariance, s),
             points_seen=None if self.points_seen is None else self.points_seen[nearest],
             views_seen=None if self.views_seen is None else self.views_seen[nearest],
         )
@@ -430,7 +430,7 @@ class Line:
     def _queries(self) -> TubeQueries:
         return make_queries([self])
 
-    def _arcs_for_queries(self) -> Array:
+    def _list_query_arcs(self) -> Array:
         """Return the arc length at each node of the path, as `at` takes it."""
         if self.curve is None:
             return self._path_arcs
@@ -443,6 +443,6 @@ def make_queries(lines: Sequence[Line]) -> TubeQueries:
     """Return what answers queries against the tubes of lines."""
     return TubeQueries(
         [line._path for line in lines],
-        [line._arcs_for_queries() for line in lines],
+        [line._list_query_arcs() for line in lines],
         [line.radius for line in lines],
     )

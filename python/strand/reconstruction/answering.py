@@ -17,7 +17,7 @@ from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.ropes.model import Model
 
-_HURRIED = 0.3  # doubt of an answer for which the deadline made strand skip something
+_HASTE_DOUBT = 0.3  # doubt of an answer for which the deadline made strand skip something
 
 
 def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages: bool) -> Model:
@@ -71,7 +71,7 @@ def _doubt_haste(run: Run) -> list[Doubt]:
     """Return the doubt that skipped work raises, and warn of it, if the deadline passed."""
     if not run.skipped:
         return []
-    doubt = Doubt("deadline", _HURRIED, "whether that is right", f"skipped: {', '.join(run.skipped)}")
+    doubt = Doubt("deadline", _HASTE_DOUBT, "whether that is right", f"skipped: {', '.join(run.skipped)}")
     run.warn(doubt.kind, doubt.reason, amount=doubt.amount)
     return [doubt]
 

@@ -31,7 +31,7 @@ from strand.support.checks import Array
 _SURE_CONFIDENCE = 0.35  # more confident answers are not compared with others
 _MIN_CONFIDENCE = 0.1  # less confident tubes are compared with readings where errors are correlated
 _MAX_SCATTER = 0.55  # radii: where depths scatter more, points alone show no tubes
-_MISREAD = 0.2  # radii: readings with this much more noise than depths scatter are wrong
+_MISREAD_EXCESS = 0.2  # radii: readings with this much more noise than depths scatter are wrong
 _SMALL_NOISE = 0.25  # radii: with less noise than this in a reading, tubes are tried too
 _MIN_WARNED = 0.1  # smaller doubts have no warning
 
@@ -77,7 +77,7 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
             "that parts of the table look like ropes; give it a mask, or its ropes' points alone"
         )
         run.warn("unused view", message, view=number)
-    found = _find(used, config, run)
+    found = _find_in_used_views(used, config, run)
     ropes = [whole if whole.image else own for whole, own in zip(used.whole, used.views, strict=True)]
     doubts = [
         *find_mistakes(used.extract, used.radius, ropes),
@@ -98,7 +98,7 @@ def _can_read_images(observed: Observed, config: Config) -> bool:
     return len(observed.radii.values) == 1 and config.linking.rings != "always"
 
 
-def _find(observed: Observed, config: Config, run: Run) -> Found:
+def _find_in_used_views(observed: Observed, config: Config, run: Run) -> Found:
     if not _can_read_images(observed, config):
         surface = describe_surface(observed.views, float(observed.radii.values.max()))
         if surface:
@@ -193,7 +193,7 @@ def _compare_with_noisy_depth(
 
 def _is_misread(reading: Interpretation, scatter: float) -> bool:
     """Tell whether medians scatter more than single depths: then images are read wrong."""
-    return reading.explanations[0].fit.noise > scatter + _MISREAD
+    return reading.explanations[0].fit.noise > scatter + _MISREAD_EXCESS
 
 
 def _try_images_first(observed: Observed, config: Config, run: Run) -> Found:

@@ -31,12 +31,12 @@ _MIN_HEIGHT = 0.35  # radii above the surroundings; masks of other frames have 0
 _MIN_COMPARISONS = 30  # fewer comparisons say nothing
 _MIN_SHARE_COMPARED = 0.03  # of the possible comparisons; in wider masks fewer pixels have a side outside
 _MAX_SHARE_OF_IMAGE = 0.6  # a wide mask that covers more of the image includes the background
-_LOW = 0.7  # radii: pixels this low do not stand out
+_LOW_HEIGHT = 0.7  # radii: pixels this low do not stand out
 _MIN_SHARE_LOW = 0.9  # of the pixels are low in a mask of the background alone
 _MAX_SCATTER = 0.5  # radii: heights that scatter more do not show that a mask is of the background
 _MIN_AREA = 3.0  # squares of its radius, pixels: a rope covers at least this
 _MIN_DEPTH_SHARE = 0.2  # of a mask's pixels: with less, depth is too thin to have neighbors
-_MISPLACED = 2.0  # doubt: a mask that is likely wrong makes the confidence about seven times lower
+_MISPLACED_DOUBT = 2.0  # doubt: a mask that is likely wrong makes the confidence about seven times lower
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ def find_misplaced_masks(
         image = _find_mask(views[number], bounds)
         reason, shows_background = (None, False) if image is None else _judge_mask(image, bounds, radii)
         if reason is not None:
-            doubt = Doubt("mask", _MISPLACED, "whether its mask is right", f"view {number}: {reason}")
+            doubt = Doubt("mask", _MISPLACED_DOUBT, "whether its mask is right", f"view {number}: {reason}")
             found.append(MisplacedMask(doubt, number, shows_background))
     return found
 
@@ -230,7 +230,7 @@ def _judge_mask(image: DepthImage, bounds: Box | None, radii: Array) -> tuple[st
     if height >= _MIN_HEIGHT:
         return None, False
     scatter = estimate_deviation(heights / radii[0] - height)
-    low = float(np.mean(heights < _LOW * radii[0]))
+    low = float(np.mean(heights < _LOW_HEIGHT * radii[0]))
     reason = (
         f"what is inside its mask stands {height:.1f} radii before what is around it, as no rope does; "
         "is it the mask of this frame?"

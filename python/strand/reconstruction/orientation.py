@@ -9,16 +9,16 @@ import numpy as np
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
 
-# a chain starts at the end farther back along this direction: oblique, as ropes lie along the axes
-_FORWARD = np.array([0.83, 0.47, 0.31])
-_ABOVE = np.array([0.29, 0.17, 0.94])  # rings run anticlockwise seen from this direction
+# a chain starts at the end farther back in this direction, which is oblique, as ropes often follow the axes
+_START_DIRECTION = np.array([0.83, 0.47, 0.31])
+_RING_DIRECTION = np.array([0.29, 0.17, 0.94])  # rings run anticlockwise seen from this direction
 _MAX_DISTANCE = 0.1  # share of a chain's length: an earlier chain this near on average is the same rope
 _PLACES = 25  # places along a chain that are compared with an earlier one
 
 
 def rotate_ring(ring: Array) -> Array:
     """Return a ring's nodes, (K, 3) with the first repeated at the end, from where it lies farthest back."""
-    first = int((ring @ _FORWARD).argmin())
+    first = int((ring @ _START_DIRECTION).argmin())
     return np.concatenate([ring[first:-1], ring[: first + 1]])
 
 
@@ -36,7 +36,7 @@ def oriented(chains: Sequence[Chain], previous: Sequence[Chain] = ()) -> list[Ch
     """
     turned = []
     for chain in chains:
-        before = _find_same(chain, previous)
+        before = _find_earlier(chain, previous)
         backwards = _starts_late(chain) if before is None else _runs_against(chain, before)
         turned.append(chain.reversed() if backwards else chain)
     return turned
@@ -46,11 +46,11 @@ def _starts_late(chain: Chain) -> bool:
     points = chain.points
     if chain.closed:
         about = points - points.mean(axis=0)
-        return bool(np.cross(about, np.roll(about, -1, axis=0)).sum(axis=0) @ _ABOVE < 0)
-    return bool((points[0] - points[-1]) @ _FORWARD > 0)
+        return bool(np.cross(about, np.roll(about, -1, axis=0)).sum(axis=0) @ _RING_DIRECTION < 0)
+    return bool((points[0] - points[-1]) @ _START_DIRECTION > 0)
 
 
-def _find_same(chain: Chain, previous: Sequence[Chain]) -> Chain | None:
+def _find_earlier(chain: Chain, previous: Sequence[Chain]) -> Chain | None:
     """Return the earlier chain of the same rope: the nearest, if it is near enough."""
     best, least = None, _MAX_DISTANCE * chain.length
     places = chain.at(np.linspace(0.0, chain.length, _PLACES))

@@ -10,7 +10,7 @@ from strand.reconstruction.answering import build_model
 from strand.reconstruction.default import find_chains as find_by_default
 from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.masks import refuse_empty
-from strand.reconstruction.mistakes.diagnosis import explaining_errors
+from strand.reconstruction.mistakes.diagnosis import explain_errors
 from strand.reconstruction.observing import Hints, observe
 from strand.reconstruction.published.method import find_chains as find_published
 from strand.reconstruction.radius import Radii
@@ -114,7 +114,7 @@ def reconstruct(
     run = _start(begun, progress, deadline)
     keep_stages = check_bool("keep_stages", keep_stages)
     extract = extract_views(views, hints.bounds)
-    with explaining_errors(extract, hints.radii):
+    with explain_errors(extract, hints.radii):
         refuse_empty(extract, run)
         scene = observe(extract, hints, run)
         found = _METHODS[hints.config.method](scene.observed, hints.config, run)

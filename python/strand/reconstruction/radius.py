@@ -16,7 +16,7 @@ from strand.views.box import Bounds
 from strand.views.view import View, check_views
 
 _MAX_RADIUS = 20e-3  # metres: the largest radius that is estimated
-_USUAL = 0.005  # metres: a radius where none is known
+_USUAL_RADIUS = 0.005  # metres: assumed where no radius is known
 
 _PLACES = 400  # places of each view at which the width of a strip is measured
 _MIN_STRIPS = 10  # measured widths that a radius needs
@@ -26,7 +26,7 @@ _MIN_SPACING = 0.3  # between modes of the density, of the logarithm of the radi
 _MIN_MODE = 0.1  # share of the highest mode: lower modes are no ropes
 _WIDTH_SD = 0.05  # radii: standard deviation of a strip's width, as ropes lie beside each other
 _PULL = 0.2  # of the noise's variance over the radius: how far noise pulls a fitted radius
-_SAME = 0.05  # share of a radius: closer radii are one
+_SAME_SHARE = 0.05  # share of a radius: closer radii are one
 _SAME_SD = 3.0  # standard deviations: closer radii are one
 
 
@@ -176,10 +176,10 @@ def guess_radius(views: Sequence[View]) -> float | None:
 
 def find_thinnest(radii: Radii | None) -> float:
     """Return the least radius that the caller gave, or a usual one, metres."""
-    return _USUAL if radii is None else float(radii.values.min())
+    return _USUAL_RADIUS if radii is None else float(radii.values.min())
 
 
-def deviate_with_noise(fitted: Array, sd: Array, sigma: float) -> Array:
+def add_noise_deviation(fitted: Array, sd: Array, sigma: float) -> Array:
     """Return standard deviations of fitted radii that include how far noise pulls them, metres.
 
     The outlier filter takes points from the silhouette and mixed pixels add some. Neither shows in the
@@ -206,6 +206,6 @@ def group_radii(radii: Array, sd: Array) -> list[int]:
     order = np.argsort(radii, kind="stable")
     classes = np.zeros(len(radii), dtype=np.int64)
     for before, after in pairwise(order):
-        limit = max(_SAME_SD * float(np.hypot(sd[before], sd[after])), _SAME * radii[after])
+        limit = max(_SAME_SD * float(np.hypot(sd[before], sd[after])), _SAME_SHARE * radii[after])
         classes[after] = classes[before] + int(radii[after] - radii[before] > limit)
     return [int(one) for one in classes]

@@ -24,17 +24,17 @@ from strand.views.pose import to_rotation_vector
 from strand.views.view import View
 
 _POSE_FREEDOM = 4  # unknowns of a pose that its error may have moved
-_CHANCE = 2.5  # standard normal deviate: rarer corrections are more than chance
+_MIN_DEVIATE = 2.5  # standard normal deviate: rarer corrections are more than chance
 _DOUBT_PER_DEVIATE = 0.15  # beyond that
 _SMALL_MOTION = 0.7  # radii that corrections move ropes: less raises no doubt
 _FULL_MOTION = 1.2  # radii that corrections move ropes: more raises all of the doubt
 _MARGIN = 0.1  # radii that axes may lie outside the extraction range
-_OUTSIDE = 0.2  # doubt per share of the axes that lie outside
-_BEHIND = 1.6  # radii behind a rope's surface: farther depths saw through the rope
+_OUTSIDE_DOUBT = 0.2  # doubt per share of the axes that lie outside
+_MIN_BEHIND = 1.6  # radii behind a rope's surface: farther depths saw through the rope
 _MAX_THROUGH = 0.06  # share of the places of ropes that a view may see through
-_THROUGH = 2.0  # doubt per share beyond that
+_THROUGH_DOUBT = 2.0  # doubt per share beyond that
 _MAX_LOST = 0.6  # share of the ropes' pixels that may have no depth
-_LOST = 0.7  # doubt per share beyond that
+_LOST_DOUBT = 0.7  # doubt per share beyond that
 _MIN_PLACES = 10  # places of a rope that a view must show
 
 
@@ -75,7 +75,7 @@ def _doubt_poses(views: Sequence[View], found: Found, prior: Poses) -> Iterator[
         # the greatest of several
         to_normal_deviate(float(squares.max()), _POSE_FREEDOM) - 0.5 * math.log(len(others)),
     )
-    if rare <= _CHANCE:
+    if rare <= _MIN_DEVIATE:
         return
     # |(R - 1) x + t|
     away = nodes @ (motions[:, :3, :3] - np.eye(3)).transpose(0, 2, 1) + motions[:, None, :3, 3]
@@ -87,7 +87,7 @@ def _doubt_poses(views: Sequence[View], found: Found, prior: Poses) -> Iterator[
         f"{prior.translation_sd * 1e3:.1f} mm and {math.degrees(prior.rotation_sd):.1f} degrees; poses, "
         "intrinsics or depths may be wrong"
     )
-    yield Doubt("pose", _DOUBT_PER_DEVIATE * share * (rare - _CHANCE), "where the ropes are", reason)
+    yield Doubt("pose", _DOUBT_PER_DEVIATE * share * (rare - _MIN_DEVIATE), "where the ropes are", reason)
 
 
 def _doubt_range(chains: Sequence[Chain], bounds: Box) -> Iterator[Doubt]:
@@ -98,7 +98,7 @@ def _doubt_range(chains: Sequence[Chain], bounds: Box) -> Iterator[Doubt]:
         f"{share:.0%} of the ropes' axes lie outside the extraction range, which should hold the ropes; "
         "depths or poses may be wrong, or the range"
     )
-    yield Doubt("range", _OUTSIDE * share, "where the ropes are", reason)
+    yield Doubt("range", _OUTSIDE_DOUBT * share, "where the ropes are", reason)
 
 
 def _doubt_views(observed: Observed, found: Found) -> Iterator[Doubt]:
@@ -110,17 +110,17 @@ def _doubt_views(observed: Observed, found: Found) -> Iterator[Doubt]:
         missed = int(np.count_nonzero(behind == np.inf))
         returned = int(np.count_nonzero(behind < np.inf))
         shown, lost = shown + returned, lost + missed
-        through = int(np.count_nonzero(behind > _BEHIND)) - missed
+        through = int(np.count_nonzero(behind > _MIN_BEHIND)) - missed
         if returned >= _MIN_PLACES and through / returned > worst:
             worst, where = through / returned, number
     reason = (
         f"view {where} saw through {worst:.0%} of the ropes; it may show something else, or its pose may be "
         "wrong, such as world-to-camera"
     )
-    yield Doubt("view", _THROUGH * max(worst - _MAX_THROUGH, 0.0), "of the ropes found", reason)
+    yield Doubt("view", _THROUGH_DOUBT * max(worst - _MAX_THROUGH, 0.0), "of the ropes found", reason)
     share = lost / max(shown + lost, 1)
     reason = f"{share:.0%} of the pixels that should show the ropes have no depth"
-    yield Doubt("points", _LOST * max(share - _MAX_LOST, 0.0), "where the ropes end", reason)
+    yield Doubt("points", _LOST_DOUBT * max(share - _MAX_LOST, 0.0), "where the ropes end", reason)
 
 
 def measure_depth_behind(view: View, pose: Array, chain: Chain) -> Array:

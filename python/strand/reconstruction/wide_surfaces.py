@@ -16,14 +16,12 @@ _REACH = 5.0  # radii around a place
 _WIDE_REACH = 10.0  # radii around a place, where noise may hide strands
 _POINTS_PER_VOXEL = 20  # mean number of points that are kept in a voxel of two radii
 _MIN_POINTS = 24  # points around a place
-_WIDE = 0.5  # second largest variance of points over the largest: with more they are wide, not along a strand
-_FILLED = 0.4  # least variance of points over the largest: with more they fill space
+_WIDE_RATIO = 0.5  # second largest variance of points over the largest: with more, points are no strand
+_FILLED_RATIO = 0.4  # least variance of points over the largest: with more, points fill space
 _MIN_SHARE = 0.65  # of the places show wide points on a surface
 _MIN_WIDE_SHARE = 0.8  # of the places show wide points on a surface within the wide reach
 _NORMAL_REACH = 1.2  # radii around a point, whose points give its normal
-_SMOOTH = (
-    0.9  # share of the normals' squares along one direction: more on a smooth surface, less across strands
-)
+_SMOOTH_SHARE = 0.9  # of the normals' squares along one direction: more on a surface, less across strands
 _ROUGH = 0.2  # thickness over width of the points of a normal: with more, noise hides strands
 _NORMALS = 24  # normals around a place
 _MIN_NORMAL_POINTS = 8  # points that give a normal
@@ -70,10 +68,10 @@ def _classify_points(points: Array, radius: float) -> str | None:
     wide, shapes = _find_wide_places(points, places, _REACH * radius, _MIN_SHARE)
     if not len(shapes):
         return None
-    if np.median(shapes[:, 0] / shapes[:, 2]) > _FILLED:
+    if np.median(shapes[:, 0] / shapes[:, 2]) > _FILLED_RATIO:
         return "a cloud that fills space"
     smooth, rough = _measure_normals(points, wide, radius)
-    if smooth > _SMOOTH:
+    if smooth > _SMOOTH_SHARE:
         return "a smooth surface"
     if rough > _ROUGH and len(_find_wide_places(points, places, _WIDE_REACH * radius, _MIN_WIDE_SHARE)[1]):
         return "a rough surface"
@@ -84,13 +82,13 @@ def _find_wide_places(points: Array, places: Array, reach: float, share: float) 
     """Return the places where points are wide, and their variances there; none if there are few places."""
     few = _core.measure_variances(points, places[:_FIRST_PLACES], reach, _MIN_POINTS)
     # the first few places show most ropes
-    if np.count_nonzero(few[:, 1] <= _WIDE * few[:, 2]) > (1.0 - share) * len(places):
+    if np.count_nonzero(few[:, 1] <= _WIDE_RATIO * few[:, 2]) > (1.0 - share) * len(places):
         return places[:0], few[:0]
     shapes = np.concatenate(
         [few, _core.measure_variances(points, places[_FIRST_PLACES:], reach, _MIN_POINTS)]
     )
     silent = int(np.isnan(shapes[:, 0]).sum())
-    wide = shapes[:, 1] > _WIDE * shapes[:, 2]
+    wide = shapes[:, 1] > _WIDE_RATIO * shapes[:, 2]
     if wide.sum() < share * (len(places) - silent) or 2 * silent > len(places):
         wide[:] = False
     return places[wide], shapes[wide]

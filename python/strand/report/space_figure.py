@@ -29,9 +29,9 @@ MAX_TRUE_NODES = 2_000  # nodes of all true centrelines that are drawn
 MAX_PLACES = 150  # ends, crossings, doubts, joins and cameras, each
 MAX_GROUPS = 30  # entries in the legend for views, and for chains
 _MAX_OFFSET = 10.0  # metres from the origin: farther away, 32-bit numbers lose parts of a millimetre
-_PYRAMID = 0.18  # depth of a camera's pyramid, of its distance from the ropes
-_FIELD = 2 * np.tan(np.radians(22.5))  # height of the field of plotly's camera, of its distance
-_STEEP = 0.95  # directions with a larger z count as vertical
+_PYRAMID_DEPTH = 0.18  # depth of a camera's pyramid, of its distance from the ropes
+_FIELD_HEIGHT = 2 * np.tan(np.radians(22.5))  # height of the field of plotly's camera, of its distance
+_STEEP_Z = 0.95  # directions with a larger z count as vertical
 UNSEEN = "#d62728"  # red: stretches without points
 DOUBT = "#d62728"  # red: doubts
 CROSSING = "#ff7f0e"  # orange: crossings
@@ -92,7 +92,7 @@ def make_space_figure(
     lines = _thin_chains(model.chains)
     points = _draw_views(pen, clouds)
     chains = _draw_chains(pen, lines)
-    stood = _draw_cameras(pen, cameras, _PYRAMID * float(np.median(distance)) if len(distance) else 0.0)
+    stood = _draw_cameras(pen, cameras, _PYRAMID_DEPTH * float(np.median(distance)) if len(distance) else 0.0)
     stood += _draw_next_view(pen, next_view, subject.mean(axis=0))
     data = (
         points
@@ -344,11 +344,11 @@ def _place_cameras(
     unit = float((high - low).max())
     middle = (subject.min(axis=0) + subject.max(axis=0)) / 2
     extent = max(float(np.linalg.norm(np.ptp(subject, axis=0))) / unit, 0.02)
-    up = np.array([0.0, 0.0, 1.0]) if abs(towards[2]) < _STEEP else np.array([0.0, 1.0, 0.0])
-    near = _make_camera((middle - (low + high) / 2) / unit, towards, 1.15 * extent / _FIELD, up)
+    up = np.array([0.0, 0.0, 1.0]) if abs(towards[2]) < _STEEP_Z else np.array([0.0, 1.0, 0.0])
+    near = _make_camera((middle - (low + high) / 2) / unit, towards, 1.15 * extent / _FIELD_HEIGHT, up)
     aside = towards + 0.7 * np.cross(up, towards)
     across = float(np.linalg.norm((high - low) / unit))
-    return near, _make_camera(np.zeros(3), aside / np.linalg.norm(aside), 1.1 * across / _FIELD, up)
+    return near, _make_camera(np.zeros(3), aside / np.linalg.norm(aside), 1.1 * across / _FIELD_HEIGHT, up)
 
 
 def _make_camera(center: Array, towards: Array, distance: float, up: Array) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from strand.geometry.line import Line
 from strand.support.checks import Array
 
 _PLACES = 12  # on either side of a place along each strand
-_FINER = 2  # steps between neighbouring places, around the nearest ones
+_REFINEMENT = 2  # steps between neighbouring places, around the nearest ones
 _BATCH = 2_000  # pairs of strands at a time
 
 
@@ -43,7 +43,7 @@ def _search(chains: Sequence[Line], number: NDArray[np.intp], at: Array, back: A
     low, high = (
         np.take_along_axis(s, np.clip(nearest + k, 0, 2 * _PLACES)[..., None], axis=2) for k in (-1, 1)
     )
-    places = _sample(chains, number, low + np.linspace(0.0, 1.0, 2 * _FINER + 1) * (high - low))
+    places = _sample(chains, number, low + np.linspace(0.0, 1.0, 2 * _REFINEMENT + 1) * (high - low))
     (a, c), (b, d) = places[:, :, :-1], places[:, :, 1:]
     count = a.shape[1]
     one, other = (np.arange(count * count) // count, np.arange(count * count) % count)

@@ -30,7 +30,7 @@ Places = tuple[NDArray[np.intp], Array]
 
 # a rope that bends no tighter than its radius needs 3.7 radii to come to lie two radii above itself
 _MIN_BETWEEN = 4.0  # radii of rope between two strands; within less it only bends
-_SIDE_BY_SIDE = 0.5  # sine of the angle of two strands; below it they run side by side
+_SIDE_BY_SIDE_SINE = 0.5  # sine of the angle of two strands; below it they run side by side
 _MAX_LISTED = 8_000  # nodes of a model whose crossings are listed
 _NEWTON_STEPS = 4  # at most
 _SAME_PLACE = 1e-12  # of a chain's length: nearer places are the same
@@ -326,7 +326,7 @@ def _measure_distance_direction(tangent: Array, towards: Array) -> tuple[Array, 
     The distance is across both tangents, or across one of them where strands run nearly side by side.
     """
     across = np.cross(*tangent)
-    beside = np.linalg.norm(across, axis=1) < _SIDE_BY_SIDE
+    beside = np.linalg.norm(across, axis=1) < _SIDE_BY_SIDE_SINE
     alone = towards - (tangent[0] @ towards)[:, None] * tangent[0]
     across = np.where(beside[:, None], alone, across)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)

@@ -20,13 +20,13 @@ Table = tuple[Array, float]
 """Unit normal n, (3,), and n.x of the table's top, metres."""
 
 _TURNS = np.radians([0.0, -15.0, 15.0, -30.0, 30.0])  # radians: tried turns of the approach about the rope
-_OPEN = (1.0, 0.5, 0.2, 0.0)  # tried openings, as fractions between the least and the greatest
-_BELOW = (1.0, 0.3)  # radii: tried reaches of the tips below the rope's axis
+_OPENINGS = (1.0, 0.5, 0.2, 0.0)  # tried openings, as fractions between the least and the greatest
+_TIP_REACHES = (1.0, 0.3)  # radii: tried reaches of the tips below the rope's axis
 _STEP = 0.5  # radii: length of the steps into which ropes are cut
 _MAX_STEPS = 200_000  # of all ropes; longer steps beyond
-_BACK = 0.5  # radii that a rope runs back before it counts as another leg
+_RETURN = 0.5  # radii that a rope runs back before it counts as another leg
 _MAX_BEND_OVERLAP = 0.05  # radii that a bend may enter the fingers' clearance
-_STEEP = np.radians(45.0)  # radians: a rope this near to the approach cannot be held
+_STEEP_ANGLE = np.radians(45.0)  # radians: a rope this near to the approach cannot be held
 
 REASONS = {
     "thick": "the rope is too thick for the jaws",
@@ -275,7 +275,7 @@ def _try_place(
         return "unseen"
     place, x = chain.at(s), chain.tangent_at(s)
     straight = -(towards - (towards @ x) * x)
-    if np.linalg.norm(straight) < np.sin(_STEEP):
+    if np.linalg.norm(straight) < np.sin(_STEEP_ANGLE):
         return "steep"
     straight /= np.linalg.norm(straight)
     # two standard deviations of the place across the rope
@@ -286,7 +286,7 @@ def _try_place(
         spread = 2.0 * float(np.sqrt(max(variance, 0.0)))
     if least + 2.0 * spread > gripper.opening:
         return "unsure"
-    widths = [least + 2.0 * spread + share * (gripper.opening - least - 2.0 * spread) for share in _OPEN]
+    widths = [least + 2.0 * spread + share * (gripper.opening - least - 2.0 * spread) for share in _OPENINGS]
     near, mine, held = _select_steps(place, x, gripper, steps, which, s, chain)
     free, shortest, on_top = _measure_free(chain, s, passes)
     best: Grasp | None = None
@@ -295,7 +295,7 @@ def _try_place(
         z = np.cos(turn) * straight + np.sin(turn) * np.cross(x, straight)
         axes = np.column_stack([x, np.cross(z, x), z])
         local = (steps.places[near] - place) @ axes
-        for below, width in product(_BELOW, widths):
+        for below, width in product(_TIP_REACHES, widths):
             tip = below * chain.radius
             gap = np.nan
             if table is not None:
@@ -344,7 +344,7 @@ def _select_steps(
         path = path[: _count_outward(away[path], chain.radius)]
         mine[path] = True
         # for the jaws, the other leg of a bend is a second strand before it comes back to the place
-        held[path[: _count_outward(way * ((steps.places[path] - place) @ x), _BACK * chain.radius)]] = True
+        held[path[: _count_outward(way * ((steps.places[path] - place) @ x), _RETURN * chain.radius)]] = True
     return near, mine[near], held[near]
 
 
@@ -374,9 +374,9 @@ def _find_obstacle(
     top = tip - gripper.depth
     deep = np.maximum(np.maximum(local[:, 2] - tip, top - local[:, 2]), 0.0)
     palm = np.maximum(np.maximum(local[:, 2] - top, top - gripper.depth - local[:, 2]), 0.0)
-    fingers = _norm(along, np.maximum(np.maximum(inner - across, across - outer), 0.0), deep) - radius
-    between = _norm(along, np.maximum(across - inner, 0.0), deep) - radius
-    body = np.minimum(fingers, _norm(along, np.maximum(across - wide, 0.0), palm) - radius)
+    fingers = _compute_norm(along, np.maximum(np.maximum(inner - across, across - outer), 0.0), deep) - radius
+    between = _compute_norm(along, np.maximum(across - inner, 0.0), deep) - radius
+    body = np.minimum(fingers, _compute_norm(along, np.maximum(across - wide, 0.0), palm) - radius)
     if (between[~held] < 0.0).any():
         return "between", 0.0
     clearance = float(body[~mine].min(initial=inf))
@@ -388,7 +388,7 @@ def _find_obstacle(
     return "", clearance
 
 
-def _norm(x: Array, y: Array, z: Array) -> Array:
+def _compute_norm(x: Array, y: Array, z: Array) -> Array:
     return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 

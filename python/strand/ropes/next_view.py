@@ -12,10 +12,10 @@ from strand.support.checks import Array
 _DIRECTIONS = 600  # tried camera directions
 _MAX_TURN = np.radians(45.0)  # radians between a tried direction and the mean of the cameras' directions
 _STRETCH = 5.0  # radii of rope to see on each side of the place
-_CLEAR = 3.0  # radii: strands farther apart in the image do not hide each other
+_CLEAR_DISTANCE = 3.0  # radii: strands farther apart in the image do not hide each other
 _MAX_NODES = 24  # of the stretch that are looked at
-_SIDE = 0.5  # weight of a view along the rope, against an unhindered view
-_NEW = 0.3  # weight of a direction near an old camera's, against an unhindered view
+_ALONG_WEIGHT = 0.5  # weight of a view along the rope, against an unhindered view
+_NEAR_WEIGHT = 0.3  # weight of a direction near an old camera's, against an unhindered view
 
 
 def find_weakest_place(lines: Sequence[Line]) -> Array:
@@ -53,7 +53,7 @@ def find_best_camera(place: Array, lines: Sequence[Line], cameras: Array) -> Arr
     directions = (
         (sine * np.cos(turn))[:, None] * side + (sine * np.sin(turn))[:, None] * other + cosine[:, None] * up
     )
-    value = -_NEW * (directions @ seen_from.T).max(axis=1)
+    value = -_NEAR_WEIGHT * (directions @ seen_from.T).max(axis=1)
     strands = [line.points for line in lines]
     nodes = np.concatenate(strands)
     number = np.repeat(np.arange(len(strands)), [len(strand) for strand in strands])
@@ -68,10 +68,10 @@ def find_best_camera(place: Array, lines: Sequence[Line], cameras: Array) -> Arr
     for i in wanted:
         own = (number == number[i]) & (np.abs(along - along[i]) < _STRETCH * radius)
         between = nodes[~own] - nodes[i]
-        clear = np.full(_DIRECTIONS, _CLEAR * radius)
+        clear = np.full(_DIRECTIONS, _CLEAR_DISTANCE * radius)
         if len(between):
             ahead = between @ directions.T
             aside = np.sqrt(np.maximum((between**2).sum(axis=1)[:, None] - ahead**2, 0.0))
             clear = np.minimum(clear, np.where(ahead > 0, aside, np.inf).min(axis=0))
-        value += (clear / radius - _SIDE * np.abs(directions @ tangents[i])) / len(wanted)
+        value += (clear / radius - _ALONG_WEIGHT * np.abs(directions @ tangents[i])) / len(wanted)
     return np.asarray(place + np.median(distances) * directions[int(value.argmax())])

@@ -10,16 +10,16 @@ from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
 
 # set on random scenes
-_WIDER = 3.0  # times the covariances' standard deviation, which ignores errors that both strands share
+_SD_FACTOR = 3.0  # times the covariances' standard deviation, which ignores errors that both strands share
 _MIN_SD = 0.05  # both radii: heights scatter by at least that
 _REACH = 8.0  # radii: doubts nearer than that to a crossing count
-_ORDER = 0.13  # weight of doubts about the order
-_RIVAL = 0.35  # weight of doubts about other ways to join
-_OTHERS = 0.01  # weight of other doubts
-_CUT = 0.13  # weight of strands that cut into each other
+_ORDER_WEIGHT = 0.13  # weight of doubts about the order
+_RIVAL_WEIGHT = 0.35  # weight of doubts about other ways to join
+_OTHERS_WEIGHT = 0.01  # weight of other doubts
+_CUT_WEIGHT = 0.13  # weight of strands that cut into each other
 _CUT_SD = 0.5  # both radii: strands may cut that far into each other
-_BASE = 0.002  # doubt at each crossing
-_MAX_ODDS = 50.0  # logarithm
+_BASE_DOUBT = 0.002  # doubt at each crossing
+_MAX_LOG_ODDS = 50.0  # logarithm
 
 
 def estimate_order_probability(
@@ -50,18 +50,18 @@ def estimate_order_probability(
     """
     rise = height / radii
     with np.errstate(over="ignore", divide="ignore"):
-        noise = np.hypot(_WIDER * np.where(np.isnan(sd), 0.5 * radii, sd) / radii, _MIN_SD)
+        noise = np.hypot(_SD_FACTOR * np.where(np.isnan(sd), 0.5 * radii, sd) / radii, _MIN_SD)
         width = np.maximum(noise, 1.0 - rise)
         odds = ((rise + 1.0) ** 2 - np.minimum(rise - 1.0, 0.0) ** 2) / (2.0 * width**2)
-    likely = 1.0 / (1.0 + np.exp(-np.minimum(odds, _MAX_ODDS)))
+    likely = 1.0 / (1.0 + np.exp(-np.minimum(odds, _MAX_LOG_ODDS)))
     cut = np.maximum(1.0 - rise, 0.0) ** 2 / (noise**2 + _CUT_SD**2)
-    order, way = np.zeros(len(rise)), _BASE + _CUT * cut
+    order, way = np.zeros(len(rise)), _BASE_DOUBT + _CUT_WEIGHT * cut
     for doubt in doubts:
         if doubt.place is None:
             continue
         near = np.linalg.norm(place - doubt.place, axis=1) < 0.5 * _REACH * radii
         if doubt.kind == "order":
-            order += near * _ORDER * doubt.amount
+            order += near * _ORDER_WEIGHT * doubt.amount
         else:
-            way += near * (_RIVAL if doubt.kind == "rival" else _OTHERS) * doubt.amount
+            way += near * (_RIVAL_WEIGHT if doubt.kind == "rival" else _OTHERS_WEIGHT) * doubt.amount
     return np.asarray((0.5 + (likely - 0.5) * np.exp(-order)) * np.exp(-way))

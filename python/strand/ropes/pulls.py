@@ -15,13 +15,13 @@ from strand.geometry.line import Line
 from strand.ropes.crossings import Crossing
 from strand.support.checks import Array
 
-_BEYOND = 2.0  # both radii: how far a rope is moved beyond a crossing
+_BEYOND_CROSSING = 2.0  # both radii: how far a rope is moved beyond a crossing
 _MIN_SINE = 0.25  # of the angle at a crossing under which an end is pulled out
-_WAYS = 36  # tried directions of a straight tail
-_SHARES = (1.0, 0.75, 0.5, 0.25)  # tried fractions of its length
-_DRAGGED = 2.0  # effort of a way on which an end drags its rope, over that of a lifted one
-_DRAWN = 3.0  # effort of a strand that is lifted over an end and draws rope from both sides
-_SLACK = 8.0  # effort of tail without room to lie straight, which may stay at the crossing
+_DIRECTIONS = 36  # tried directions of a straight tail
+_LENGTH_SHARES = (1.0, 0.75, 0.5, 0.25)  # tried fractions of its length
+_DRAG_EFFORT = 2.0  # effort of a way on which an end drags its rope, over that of a lifted one
+_LIFT_EFFORT = 3.0  # effort of a strand that is lifted over an end and draws rope from both sides
+_SLACK_EFFORT = 8.0  # effort of tail without room to lie straight, which may stay at the crossing
 _MAX_CLEAR = 3.0  # radii: more distance from other strands does not make a way better
 _SAMPLES = 50  # places along a stretch
 _NO_LENGTH = 1e-9  # metres: a shorter vector has no direction
@@ -136,7 +136,7 @@ def _list_passes(chains: Sequence[Line], crossings: dict[int, Crossing]) -> list
 
 def _find_margin(chains: Sequence[Line], crossing: Crossing) -> float:
     """Return how far a rope goes beyond a crossing that it leaves, metres."""
-    return _BEYOND * (chains[crossing.over[0]].radius + chains[crossing.under[0]].radius)
+    return _BEYOND_CROSSING * (chains[crossing.over[0]].radius + chains[crossing.under[0]].radius)
 
 
 def _plan_loops(
@@ -251,7 +251,7 @@ def _plan_ends(
             if not first.over:
                 off = _plan_lift_over(chains, one, i, end, tail, towards)
                 found += [] if off is None else [off]
-            found.append(_Way(pull, distance * (1.0 if pull.lift else _DRAGGED) + _SLACK * slack))
+            found.append(_Way(pull, distance * (1.0 if pull.lift else _DRAG_EFFORT) + _SLACK_EFFORT * slack))
     return found
 
 
@@ -284,7 +284,7 @@ def _plan_lift_over(
         direction=way,
         distance=distance,
     )
-    return _Way(pull, _DRAWN * distance)
+    return _Way(pull, _LIFT_EFFORT * distance)
 
 
 def _sample_others(chains: Sequence[Line], skipped: Sequence[tuple[int, float, float]]) -> Array:
@@ -327,10 +327,10 @@ def _find_free_way(
     # the tail moves along, with what is next to it
     strands = (_sample_others(chains, [(which, end, abs(end - turn))]) - chain.at(turn)) @ basis
     # straight back first, as the first of equals is kept
-    angles = np.linspace(-np.pi, np.pi, _WAYS, endpoint=False)
+    angles = np.linspace(-np.pi, np.pi, _DIRECTIONS, endpoint=False)
     angles = angles[np.argsort(np.abs(angles), kind="stable")]
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    for share in _SHARES:
+    for share in _LENGTH_SHARES:
         reach = share * tail
         along = np.clip(strands @ ways.T, 0.0, reach)
         away = np.linalg.norm(strands[:, None] - along[..., None] * ways, axis=2)

@@ -53,7 +53,7 @@ class Noise:
         """Return (V, 4, 4) camera-to-world poses with errors; the middle view's pose stays exact."""
         errors = rng.normal(size=(len(poses), 3)) * (self.turn, self.shift, self.shift)
         errors[len(poses) // 2] = 0.0
-        return np.stack([_misplaced(pose, *error) for pose, error in zip(poses, errors, strict=True)])
+        return np.stack([_displace(pose, *error) for pose, error in zip(poses, errors, strict=True)])
 
 
 def _check_flying(flying: float) -> float:
@@ -62,7 +62,7 @@ def _check_flying(flying: float) -> float:
     return float(flying)
 
 
-def _misplaced(pose: Array, angle: float, dx: float, dy: float) -> Array:
+def _displace(pose: Array, angle: float, dx: float, dy: float) -> Array:
     """Return the pose, turned about the world's z axis and then shifted in the table plane."""
     motion = np.eye(4)
     motion[:2, :2] = make_plane_rotation(angle)

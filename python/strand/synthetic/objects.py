@@ -123,17 +123,17 @@ def _cast_cylinder(cylinder: Cylinder, start: Array, rays: Array) -> Array:
     origin = start - cylinder.base
     near, far = _intersect_sphere(origin[:2], rays[..., :2], cylinder.radius)
 
-    def on_side(t: Array) -> Array:
+    def hit_side(t: Array) -> Array:
         z = origin[2] + t * rays[..., 2]
         return np.where((t > 0) & (z >= 0) & (z <= cylinder.height), t, np.inf)
 
-    def on_disc(height: float) -> Array:
+    def hit_disc(height: float) -> Array:
         t = (height - origin[2]) / rays[..., 2]
         away = origin[:2] + t[..., None] * rays[..., :2]
         return np.where((t > 0) & ((away**2).sum(axis=-1) <= cylinder.radius**2), t, np.inf)
 
-    first = np.minimum(on_side(near), on_disc(0.0 if cylinder.hollow else cylinder.height))
-    return np.minimum(first, on_side(far)) if cylinder.hollow else first
+    first = np.minimum(hit_side(near), hit_disc(0.0 if cylinder.hollow else cylinder.height))
+    return np.minimum(first, hit_side(far)) if cylinder.hollow else first
 
 
 def _intersect_sphere(origin: Array, rays: Array, radius: float) -> tuple[Array, Array]:

@@ -193,13 +193,13 @@ def scene(
     """
     radius = check_positive("radius", radius, LONGEST)
     views = check_integer("views", views, 1, _MAX_VIEWS)
-    camera, noise = _instance("camera", camera, Camera), _instance("noise", noise, Noise)
-    layout = _instance("layout", layout, Layout)
+    camera, noise = _check_instance("camera", camera, Camera), _check_instance("noise", noise, Noise)
+    layout = _check_instance("layout", layout, Layout)
     device = None if camera.device is None else find_device(camera.device)
     if device is not None and noise.flying is not None:
         raise ValueError("noise: expected no `flying` with a device, which mixes depths its own way")
     has_masks = device is not None or mask is not None
-    mask = _instance("mask", mask, Segmentation)
+    mask = _check_instance("mask", mask, Segmentation)
     seeds = np.random.SeedSequence(check_integer("seed", seed, 0)).spawn(4)
     placing, stage, sensor, segmenter = (np.random.default_rng(child) for child in seeds)
     name, truth = _find_ropes(name, chains, radius, length, placing)
@@ -257,7 +257,7 @@ def scene(
 _Settings = TypeVar("_Settings")
 
 
-def _instance(name: str, value: _Settings | None, kind: type[_Settings]) -> _Settings:
+def _check_instance(name: str, value: _Settings | None, kind: type[_Settings]) -> _Settings:
     """Return an argument that must have this type, or the type's default for None."""
     if value is not None and not isinstance(value, kind):
         raise TypeError(f"{name}: expected a {kind.__name__}, got {type(value).__name__}")

@@ -53,7 +53,7 @@ def cluster():
         # without a token, Ray would leave one in the user's folder
         patch.setenv("RAY_AUTH_TOKEN", secrets.token_hex(32))
         patch.setenv("RAY_AUTH_MODE", "token")
-        # as `ray_engine._loopback_only`, for drivers too
+        # as `ray_engine._listen_on_loopback`, for drivers too
         patch.setenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
         patch.setattr(ray._private.ray_constants, "ENABLE_RAY_CLUSTER", False)
         # Ray reads its settings when it is imported

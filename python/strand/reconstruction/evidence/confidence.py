@@ -16,15 +16,15 @@ SCALE = 2.5  # a difference of costs, in the unit of `Config.linking`, that mult
 MIN_DOUBT = 1e-3  # smaller doubts are dropped
 USUAL_NOISE = 0.21  # radii of noise that raise no doubt
 _REACH = 15.0  # radii: a doubt concerns the chains this near its place
-_BASE = 0.01  # doubt of every answer
-_JOIN = 0.5  # doubt of a join without any margin
-_LENGTH = 0.4  # doubt per radius that a length is wrong beyond what is allowed
-_OPEN_RING = math.log(2.0)  # doubt of each open rope that should be a ring
+_BASE_DOUBT = 0.01  # doubt of every answer
+_JOIN_DOUBT = 0.5  # doubt of a join without any margin
+_LENGTH_DOUBT = 0.4  # doubt per radius that a length is wrong beyond what is allowed
+_OPEN_RING_DOUBT = math.log(2.0)  # doubt of each open rope that should be a ring
 
 
 def compute_confidence(doubts: Sequence[Doubt]) -> float:
     """Return the probability that the answer is right: exp(-0.01 - d), where d is the sum of all doubts."""
-    return float(np.exp(-_BASE - sum(doubt.amount for doubt in doubts)))
+    return float(np.exp(-_BASE_DOUBT - sum(doubt.amount for doubt in doubts)))
 
 
 def assign_doubts(
@@ -62,7 +62,7 @@ def _find_near(chains: Sequence[Chain], place: Array) -> list[int]:
 
 def doubt_margin(margin: float) -> float:
     """Return the doubt that a join with a margin raises."""
-    return _JOIN * float(np.exp(-max(margin, 0.0) / SCALE))
+    return _JOIN_DOUBT * float(np.exp(-max(margin, 0.0) / SCALE))
 
 
 def to_normal_deviate(square: float, freedom: int) -> float:
@@ -116,12 +116,12 @@ def find_contradictions(
             more = chain.length - true
             contradict(
                 "length",
-                _LENGTH * off,
+                _LENGTH_DOUBT * off,
                 f"chain {number} is {chain.length * 1e3:.0f} mm long, {abs(more) * 1e3:.0f} mm "
                 f"{'longer' if more > 0 else 'shorter'} than it is known to be",
                 about=(number,),
             )
         if all_rings and not chain.closed:
             reason = f"chain {number} has ends, though all ropes are said to be rings"
-            contradict("ring", _OPEN_RING, reason, about=(number,))
+            contradict("ring", _OPEN_RING_DOUBT, reason, about=(number,))
     return found

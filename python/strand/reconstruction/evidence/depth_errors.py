@@ -20,7 +20,8 @@ _MAX_WIDTH = 1.5  # times that quantile: wider residuals are those of no plane
 _MAX_DISTINCT = 0.8  # share of the depths: where more of them differ, depth has no step
 _ROUNDING = 1e-9  # share of the depth: smaller differences come from rounding
 
-_AXIS = (np.arange(_SIDE) - 0.5 * (_SIDE - 1)) / _SIDE
+_AXIS = (np.arange(_SIDE) - 0.5 * (_SIDE - 1)) / _SIDE  # columns of a window, in its sides from its middle
+# (3, side * side) terms of a linear function over a window: 1, column and row
 _TERMS = np.stack([np.ones((_SIDE, _SIDE)), *np.meshgrid(_AXIS, _AXIS)]).reshape(3, -1)
 
 
@@ -44,7 +45,7 @@ def correlate_on_planes(images: Sequence[tuple[Array, float]], lags: int) -> tup
     followed : float
         Fitted unknowns per pixel; 0 without enough planes.
     """
-    found = [window for image, depth in images for window in _plane_residuals(image, depth)]
+    found = [window for image, depth in images for window in _compute_plane_residuals(image, depth)]
     if len(found) < _MIN_WINDOWS:
         return [], 0.0
     errors = np.stack(found).reshape(-1, _SIDE, _SIDE)
@@ -57,7 +58,7 @@ def correlate_on_planes(images: Sequence[tuple[Array, float]], lags: int) -> tup
     return correlations, len(_TERMS) / _SIDE**2
 
 
-def _plane_residuals(image: Array, depth: float) -> Array:
+def _compute_plane_residuals(image: Array, depth: float) -> Array:
     """Return (P, side * side) residuals of windows that show a plane, in standard deviations."""
     height, width = image.shape
     rows, columns = range(0, height - _SIDE + 1, _SIDE), range(0, width - _SIDE + 1, _SIDE)

@@ -34,6 +34,6 @@ class JoinEvidence:
     prior: Prior = NO_PRIOR
     colors: ArcColors | None = None
 
-    def for_class(self, radius: float, classes: int) -> JoinEvidence:
-        """Return the evidence for ropes of one radius, metres, given the number of different radii."""
-        return replace(self, radius=radius, prior=self.prior if classes == 1 else self.prior.for_some())
+    def select_class(self, radius: float, classes: int) -> JoinEvidence:
+        """Return the evidence for the ropes of one radius, metres, of `classes` different radii."""
+        return replace(self, radius=radius, prior=self.prior if classes == 1 else self.prior.select_common())

@@ -14,7 +14,7 @@ from strand.views.box import Box
 
 LENGTH_COST = 2.0  # of a hypothesis, per radius that a known length is missed by
 MAX_LENGTH_COST = 30.0  # of a hypothesis, per rope
-_MAX_ROPES = 10_000
+_MAX_ROPES = 10_000  # ropes that a caller may ask for
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +78,8 @@ class Prior:
             raise ValueError(f"length: expected one for each of {ropes} ropes, got {len(each)}")
         return cls(len(each), tuple(sorted(lengths, reverse=True)), bounds=bounds, known=known)
 
-    def for_some(self) -> Prior:
-        """Return what is known of any of the ropes."""
+    def select_common(self) -> Prior:
+        """Return the knowledge that also holds for some of the ropes alone."""
         return replace(self, ropes=None, lengths=self.lengths if self.same_length else ())
 
     def match_lengths(self, lengths: Sequence[float]) -> list[float | None]:

@@ -1,4 +1,4 @@
-"""Whether views agree: with right poses, images and units, they show the same ropes in the same place."""
+"""Check that views agree: with right poses, images and units, they show ropes in the same place."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from strand.views.view import View
 _SAMPLE = 200  # points of a view that are compared with another view
 _MIN_POINTS = 30  # points that a view must show
 _MAX_ROPE_POINTS = 40_000  # points of a view: with more, most of them are no ropes
-_OPPOSITE = -0.8  # cosine between viewing directions: below it, two views show opposite sides of a rope
-_FARTHEST = 10.0  # radii: larger distances count as this
+_OPPOSITE_COSINE = -0.8  # of viewing directions: below it, two views show opposite sides of a rope
+_MAX_COUNTED_DISTANCE = 10.0  # radii: larger distances count as this
 _MAX_DISTANCE = 0.8  # radii: views that agree show ropes this close to each other
 _MIN_GAIN = 2.0  # a mistake is named if undoing it brings views this many times closer
-_NAMED = 20.0  # doubt: a named mistake is certain, and stands first
-_NO_DOUBT = 2.0  # radii: views this close raise no doubt of their poses
-_DOUBT_PER_RADIUS = 0.4  # of the distance between views
-_MAX_DOUBT = 1.5  # of the distance between views
-_OUT_OF_SIGHT = 0.8  # doubt if no view shows the ropes of another
-_TINY = float(np.finfo(float).tiny)
+_NAMED_DOUBT = 20.0  # doubt: a named mistake is certain, and stands first
+_MIN_DOUBTED_DISTANCE = 2.0  # radii: views this close raise no doubt of their poses
+_DOUBT_PER_RADIUS = 0.4  # doubt for each radius of distance beyond `_MIN_DOUBTED_DISTANCE`
+_MAX_DOUBT = 1.5  # doubt at any distance
+_OUT_OF_SIGHT_DOUBT = 0.8  # doubt if no view shows the ropes of another
+_TINY = float(np.finfo(float).tiny)  # least positive float: keeps ratios finite
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Agreement:
     Attributes
     ----------
     distance : float
-        As `distance_between_views` gives it, metres; NaN of one view.
+        As `measure_view_distance` gives it, metres; NaN of one view.
     agrees : bool
         Whether it is as small as that of views that are right.
     known : bool
@@ -69,12 +69,12 @@ def compare_views(
     """
     distance = math.nan
     if len(views) > 1:
-        distance = distance_between_views(views, shown, _FARTHEST * radius)
+        distance = measure_view_distance(views, shown, _MAX_COUNTED_DISTANCE * radius)
     unknown = len(views) < 2 or _shows_more_than_ropes(shown) or (bounds is None and math.isnan(distance))
     return Agreement(distance, distance <= _MAX_DISTANCE * radius, not unknown)
 
 
-def distance_between_views(
+def measure_view_distance(
     views: Sequence[View], shown: Sequence[View], farthest: float, opposite: float | None = None
 ) -> float:
     """Return the mean distance between the ropes in each view and those in the view before it.
@@ -108,7 +108,7 @@ def distance_between_views(
     for i in range(len(views)):
         # opposite sides of a rope are as close to each other as the rope is thick
         if (
-            directions[i] @ directions[i - 1] < _OPPOSITE
+            directions[i] @ directions[i - 1] < _OPPOSITE_COSINE
             and _measure_distance(clouds[i], clouds[i - 1]) < farthest
         ):
             skipped += 1
@@ -140,17 +140,17 @@ def explain_distance(
     """
     without = [_measure_without(mistake.undo(views), bounds, radius) for mistake in MISTAKES]
     least = min(range(len(MISTAKES)), key=without.__getitem__)
-    limit = " or more" if distance >= 0.99 * _FARTHEST * radius else ""
+    limit = " or more" if distance >= 0.99 * _MAX_COUNTED_DISTANCE * radius else ""
     shown = f"views disagree by {1e3 * distance:.1f} mm{limit} about where the ropes are"
     if not math.isfinite(distance):
         shown = "no view shows the ropes of another"
     if without[least] < _MAX_DISTANCE * radius and not without[least] > distance / _MIN_GAIN:
         mistake = MISTAKES[least]
         reason = f"{mistake.advice}; {shown}, {1e3 * without[least]:.1f} mm without that"
-        return [Doubt(mistake.kind, _NAMED, "where the ropes are", reason)]
-    amount = min(_DOUBT_PER_RADIUS * (distance / radius - _NO_DOUBT), _MAX_DOUBT)
+        return [Doubt(mistake.kind, _NAMED_DOUBT, "where the ropes are", reason)]
+    amount = min(_DOUBT_PER_RADIUS * (distance / radius - _MIN_DOUBTED_DISTANCE), _MAX_DOUBT)
     if math.isinf(distance):
-        amount = _OUT_OF_SIGHT
+        amount = _OUT_OF_SIGHT_DOUBT
     if not amount > 0.0:
         return []
     asked = "are poses camera-to-world, in metres, of angles in radians, and each of its own image?"
@@ -162,8 +162,8 @@ def _measure_without(views: Sequence[View | None], bounds: Box | None, radius: f
     known = [view for view in views if view is not None]
     if len(known) < len(views):
         return math.inf
-    farthest, extract = _FARTHEST * radius, Extract(tuple(known), bounds)
-    distance = distance_between_views(extract.whole, extract.inside, farthest, opposite=farthest)
+    farthest, extract = _MAX_COUNTED_DISTANCE * radius, Extract(tuple(known), bounds)
+    distance = measure_view_distance(extract.whole, extract.inside, farthest, opposite=farthest)
     return math.inf if math.isnan(distance) else distance
 
 

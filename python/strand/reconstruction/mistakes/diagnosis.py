@@ -32,8 +32,9 @@ _SAMPLE = 20_000  # points of each view that are looked at
 _MIN_SHARE = 1e-3  # of these points lie in the range once the likely mistake is undone
 _BOUNDS_IN_MILLIMETERS = "bounds look like millimetres: give them in metres"
 _OTHER_MASKS = "points outside of the masks do lie there: are the masks those of these frames?"
-_THINNER = (0.42, 0.75)  # range of the apparent radius over the given one that is named; noise looks thinner
-_WIDER = (1.33, 2.4)  # range of the apparent radius over the given one that is named
+# ranges of the apparent radius over the given one in which a message names it; noise looks thinner still
+_THINNER_RANGE = (0.42, 0.75)
+_WIDER_RANGE = (1.33, 2.4)
 
 
 def find_mistakes(extract: Extract, radius: float, views: Sequence[View] | None = None) -> list[Doubt]:
@@ -69,7 +70,7 @@ def find_mistakes(extract: Extract, radius: float, views: Sequence[View] | None 
 
 
 @contextmanager
-def explaining_errors(extract: Extract, radii: Radii | None) -> Iterator[None]:
+def explain_errors(extract: Extract, radii: Radii | None) -> Iterator[None]:
     """Add the likely cause to an error of too little data: a mistake, or a wrong radius.
 
     Parameters
@@ -111,7 +112,7 @@ def _explain_radius(extract: Extract, radii: Radii) -> str | None:
     if apparent is None:
         return None
     ratio = apparent / float(radii.values[np.abs(np.log(apparent / radii.values)).argmin()])
-    if not any(low < ratio < high for low, high in (_THINNER, _WIDER)):
+    if not any(low < ratio < high for low, high in (_THINNER_RANGE, _WIDER_RANGE)):
         return None
     given = ", ".join(f"{1e3 * value:.1f}" for value in radii.values)
     return f"the ropes look {1e3 * apparent:.1f} mm in radius, {given} mm was given"

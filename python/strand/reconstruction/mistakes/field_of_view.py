@@ -11,35 +11,35 @@ from strand.ropes.doubt import Doubt
 from strand.views.depth_image import DepthImage
 from strand.views.view import View
 
-_EVERY = 97  # every 97th depth is looked at
+_DEPTH_STEP = 97  # depths from one checked depth to the next
 _MAX_DISTANCE = 10_000.0  # radii: farther ropes are a fraction of a pixel wide in any camera
-_TOO_FAR = 5.0  # doubt
+_TOO_FAR_DOUBT = 5.0  # doubt of depths beyond `_MAX_DISTANCE`
 
 _SAMPLE = 1000  # points of a view whose directions are looked at
 _MIN_POINTS = 100  # points that a view must show
 _MAX_ANGLE = np.radians(100.0)  # radians from the middle of the points: no depth camera sees farther aside
-_MAX_ASIDE = 0.05  # share of the points that may lie farther aside
-_ALL_AROUND = 5.0  # doubt
+_MAX_ASIDE_SHARE = 0.05  # share of the points that may lie farther aside
+_ALL_AROUND_DOUBT = 5.0  # doubt of viewpoints inside the points
 
 _CELLS = 16.0  # cells of directions to a unit vector's length
 _MIN_IN_CELL = 3  # points of a view in a cell that it sees
 _SAMPLE_OF_CELLS = 20_000  # points of a view that are put into cells
 _MIN_CELLS = 100  # cells that a view sees: with fewer it shows ropes alone
 _MIN_COMMON = 0.8  # share of the cells of two views that both see, if their camera did not move
-_MOVED = 1.5  # doubt
+_MOVED_DOUBT = 1.5  # doubt of a common pose for views that differ
 
 _MAX_OFFSET_OF_OTHER = 0.04  # share of an image: this near its middle, a principal point is its own
 _MIN_OFFSET = 0.15  # share of an image: this far from its middle, a principal point is another image's
-_OFF_CENTER = 1.2  # doubt: images that were cropped look the same
+_OFF_CENTER_DOUBT = 1.2  # doubt: images that were cropped look the same
 
 
 def doubt_far_depths(views: Sequence[View], radius: float) -> Doubt | None:
     """Doubt depths at which no camera would see a rope of a radius, metres: they may be millimetres."""
     # points of the world frame have no depth, only a distance
     depths = [
-        np.linalg.norm(view.points[::_EVERY], axis=1)
+        np.linalg.norm(view.points[::_DEPTH_STEP], axis=1)
         if view.image is None
-        else view.image.depth.ravel()[::_EVERY]
+        else view.image.depth.ravel()[::_DEPTH_STEP]
         for view in views
     ]
     some = np.concatenate(depths)
@@ -52,7 +52,7 @@ def doubt_far_depths(views: Sequence[View], radius: float) -> Doubt | None:
     if len(cameras) == len(views) and min(cameras) > _MAX_DISTANCE * radius:
         looks = "points and poses look like millimetres: give both in metres"
     reason = f"{looks}; half of them are more than {np.median(some):.0f} m away"
-    return Doubt("depth", _TOO_FAR, "where the ropes are", reason)
+    return Doubt("depth", _TOO_FAR_DOUBT, "where the ropes are", reason)
 
 
 def doubt_points_all_around(views: Sequence[View]) -> Doubt | None:
@@ -65,13 +65,13 @@ def doubt_points_all_around(views: Sequence[View]) -> Doubt | None:
         middle = towards.mean(axis=0)
         middle /= max(float(np.linalg.norm(middle)), np.finfo(float).tiny)
         angles = np.arccos(np.clip(towards @ middle, -1.0, 1.0))
-        if np.mean(angles > _MAX_ANGLE) > _MAX_ASIDE:
+        if np.mean(angles > _MAX_ANGLE) > _MAX_ASIDE_SHARE:
             reason = (
                 "points look like world-frame ones: use View.from_world, with the camera's place; those of "
                 f"view {number} lie all around their camera, up to "
-                f"{np.degrees(np.quantile(angles, 1.0 - _MAX_ASIDE)):.0f} degrees from where most are"
+                f"{np.degrees(np.quantile(angles, 1.0 - _MAX_ASIDE_SHARE)):.0f} degrees from where most are"
             )
-            return Doubt("viewpoint", _ALL_AROUND, "where the ropes are", reason)
+            return Doubt("viewpoint", _ALL_AROUND_DOUBT, "where the ropes are", reason)
     return None
 
 
@@ -97,7 +97,7 @@ def doubt_shared_viewpoint(views: Sequence[View]) -> Doubt | None:
                     f"{_join_numbers(group)} have one pose, but two of them have only {common:.0%} of the "
                     "directions in which they show something in common"
                 )
-                return Doubt("viewpoint", _MOVED, "where the ropes are", reason)
+                return Doubt("viewpoint", _MOVED_DOUBT, "where the ropes are", reason)
     return None
 
 
@@ -111,7 +111,7 @@ def doubt_principal_point(views: Sequence[View]) -> Doubt | None:
     if len(images) != 1:
         return None
     reason = _explain_offset(*images.values())
-    return None if reason is None else Doubt("intrinsics", _OFF_CENTER, "where the ropes are", reason)
+    return None if reason is None else Doubt("intrinsics", _OFF_CENTER_DOUBT, "where the ropes are", reason)
 
 
 def _explain_offset(image: DepthImage) -> str | None:

@@ -20,9 +20,9 @@ _MIN_FILLED = 0.5  # share of the cells that the points of a table fill; those o
 _MAX_SCATTER = 0.0125  # share of the distance: a standard deviation about a table
 _ROUNDS = 10  # rounds of the robust fit
 _HALF_WEIGHT = 2.0  # standard deviations at which a point counts half
-_SETTLED = 0.01  # relative change of the scatter between rounds at which the fit ends
+_SETTLED_CHANGE = 0.01  # relative change of the scatter between rounds at which the fit ends
 _MIN_RATIO = 1.5  # of the scatters with and without the rays' lengths; lenses and sensors bend a table less
-_BENT = 20.0  # doubt: it is certain, and stands first
+_BENT_DOUBT = 20.0  # doubt: it is certain, and stands first
 
 
 def doubt_bent_tables(views: Sequence[View]) -> Doubt | None:
@@ -61,7 +61,7 @@ def doubt_bent_tables(views: Sequence[View]) -> Doubt | None:
         f"to {1e3 * divided:.1f} mm a metre if depth is divided by the rays' lengths |(x, y, z)| / z, and to "
         f"{1e3 * as_given:.1f} mm as it is"
     )
-    return Doubt("depth", _BENT, "where the ropes are", reason)
+    return Doubt("depth", _BENT_DOUBT, "where the ropes are", reason)
 
 
 def measure_table(view: View) -> tuple[float, float] | None:
@@ -109,7 +109,7 @@ def _measure_scatter(slopes: Array, inverse: Array, depth: Array) -> float:
         linear = np.linalg.solve(weighted.T @ slopes, weighted.T @ inverse)
         off = (inverse - slopes @ linear) * depth
         scatter = estimate_deviation(off)
-        if abs(scatter - before) < _SETTLED * scatter:
+        if abs(scatter - before) < _SETTLED_CHANGE * scatter:
             break
         weights = 1.0 / (1.0 + (off / max(_HALF_WEIGHT * scatter, np.finfo(float).tiny)) ** 2)
     return scatter

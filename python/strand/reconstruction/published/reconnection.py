@@ -67,7 +67,7 @@ def group_ends(ends: Ends, numbers: Sequence[int], reach: float, loop: float) ->
     distance[distance > reach] = np.inf
     nearest = np.argsort(distance, axis=1, kind="stable")
 
-    def find_company(end: int, taken: set[int]) -> list[int]:
+    def find_neighbors(end: int, taken: set[int]) -> list[int]:
         """Return the end and up to three that meet it, never both ends of a short segment."""
         group = [end]
         for other in nearest[end].tolist():
@@ -78,14 +78,14 @@ def group_ends(ends: Ends, numbers: Sequence[int], reach: float, loop: float) ->
         return group
 
     def rank(end: int) -> tuple[int, float]:
-        group = find_company(end, set(range(count)) - set(numbers))
+        group = find_neighbors(end, set(range(count)) - set(numbers))
         return -len(group), float(distance[end, group[1:]].sum())
 
     groups: list[list[int]] = []
     taken = set(range(count)) - set(numbers)
     for end in sorted(numbers, key=rank):
         if end not in taken:
-            group = find_company(end, taken)
+            group = find_neighbors(end, taken)
             if len(group) > 1:
                 groups.append(group)
                 taken.update(group)

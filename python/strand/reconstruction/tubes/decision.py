@@ -37,7 +37,7 @@ def decide_joins(
         if not mine:
             by_class.append([])
             continue
-        of_class = evidence.for_class(float(radius), len(before.radii))
+        of_class = evidence.select_class(float(radius), len(before.radii))
         fit_chains = _make_fit(clouds, before, number, evidence, config)
         by_class.append(rank_hypotheses(mine, of_class, fit_chains, run))
     if not any(by_class):

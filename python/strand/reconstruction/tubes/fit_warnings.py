@@ -8,7 +8,7 @@ import numpy as np
 
 from strand._core import TubeFit
 from strand.config import Config, Poses
-from strand.reconstruction.radius import Radii, deviate_with_noise
+from strand.reconstruction.radius import Radii, add_noise_deviation
 from strand.reconstruction.tubes.noise import Noise
 from strand.ropes.doubt import ModelWarning
 
@@ -38,7 +38,7 @@ def warn_about_fit(
 def _warn_about_radii(fit: TubeFit, radii: Radii) -> Iterator[ModelWarning]:
     """Yield warnings about given radii that the fitted ones miss by more than noise explains."""
     pull = fit.radii - radii.values
-    limit = _MAX_PULL * np.hypot(radii.sd, deviate_with_noise(fit.radii, fit.radii_sd, fit.sigma))
+    limit = _MAX_PULL * np.hypot(radii.sd, add_noise_deviation(fit.radii, fit.radii_sd, fit.sigma))
     for k in np.flatnonzero(np.abs(pull) > limit):
         yield ModelWarning(
             "radius",

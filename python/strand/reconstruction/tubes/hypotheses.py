@@ -22,12 +22,12 @@ from strand.reconstruction.tubes.scores import price_contradictions, price_expla
 from strand.support.checks import Array
 
 _CUT_BACK = (2.5, 6.0)  # radii: ends are cut back this far where arcs run into each other
-_OBVIOUS = 1.25  # cost of each end up to which a join is obvious
+_OBVIOUS_COST = 1.25  # cost of each end up to which a join is obvious
 _MAX_ARCS = 200  # more are no ropes
 _MAX_EFFORT = 40_000  # sum of the squared numbers of arcs of all hypotheses but the last
 _MAX_BRIDGES = 1000  # pairs of ends: of more, only those of near ends are priced
 _MIN_PARTNERS = 4  # nearest ends that each end is priced with in any case
-_DOUBTFUL = 8.0  # joins without which the matching costs up to this more are tried without
+_DOUBTFUL_COST = 8.0  # joins without which the matching costs up to this more are tried without
 _MAX_DOUBTFUL = 4  # joins that are tried without
 
 
@@ -213,7 +213,7 @@ def rank_hypotheses(
     if contest.has_time(len(arcs)):
         # with the obvious joins made first, more ends turn out to lie inside others
         costs = price_joins(arcs, evidence)
-        merged = [nodes for nodes, _ in chain_arcs(arcs, match_ends(costs, _OBVIOUS)[0], evidence)]
+        merged = [nodes for nodes, _ in chain_arcs(arcs, match_ends(costs, _OBVIOUS_COST)[0], evidence)]
         for back in _CUT_BACK if len(merged) < len(arcs) else ():
             parts = cut_at_contacts(merged, radius, config, back)
             if len(parts) > len(merged):
@@ -236,7 +236,7 @@ def _try_without_doubtful_joins(contest: _Contest) -> None:
     too_few = prior.ropes is not None and len(best.chains) < prior.ropes
     wrong_length = bool(prior.lengths) and first.contradiction > 0
     for more, pair in tries[:_MAX_DOUBTFUL]:
-        if more < _DOUBTFUL or too_few or wrong_length:
+        if more < _DOUBTFUL_COST or too_few or wrong_length:
             contest.try_without(best.costs, pair)
     for pair in best.joins if wrong_length else ():
         if pair not in best.costs.costs:

@@ -13,7 +13,7 @@ from strand.reconstruction.evidence.answer_warnings import warn_about_answer
 from strand.reconstruction.evidence.color import ArcColors, collect_colors
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.evidence.visibility import Visibility, sort_rays
-from strand.reconstruction.radius import Radii, deviate_with_noise
+from strand.reconstruction.radius import Radii, add_noise_deviation
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.tubes.arcs import add_unexplained, cut_to_seen, fit_arcs
 from strand.reconstruction.tubes.clouds import Arcs, Clouds
@@ -55,15 +55,15 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
     are joined) and "fit" (the last `TubeFit`). Raises NotEnoughDataError if the points show no tube.
     """
     try:
-        return _find(observed, config, run)
+        return _find_ropes(observed, config, run)
     except NotEnoughDataError:
         if not observed.radii.free:
             raise
         # strands that lie side by side everywhere look like thicker ones
-        return _find(replace(observed, radii=observed.radii.add_parts()), config, run)
+        return _find_ropes(replace(observed, radii=observed.radii.add_parts()), config, run)
 
 
-def _find(observed: Observed, config: Config, run: Run) -> Found:
+def _find_ropes(observed: Observed, config: Config, run: Run) -> Found:
     radii = observed.radii
     clouds = Clouds.from_views(observed.views, observed.bounds, observed.held)
     cameras = Cameras(observed.views, observed.whole)
@@ -75,7 +75,7 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
         few = clouds.thin_for_tracing(float(radii.values.min()))
         motions = register_roughly(few, radii.values, config)
     if run.skips("most of the points"):
-        observed = _thin(observed, clouds.find_step(float(radii.values.min())))
+        observed = _thin_views(observed, clouds.find_step(float(radii.values.min())))
         clouds, cameras = few, Cameras(observed.views, observed.whole)
     with run.stage("arcs"):
         fit, radii = fit_arcs(clouds, few, motions, radii, config, run)
@@ -107,7 +107,7 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
         if revised is None:
             break
         by_class = revised
-    found = _answer(ropes, radii, visibility, observed, config, run)
+    found = _build_answer(ropes, radii, visibility, observed, config, run)
     starts = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
     registered = tuple(np.split(ropes.fit.points, starts))
     return replace(found, stages={"registered": registered, "arcs": tuple(arcs.nodes), "fit": ropes.fit})
@@ -123,7 +123,7 @@ def _gather_evidence(observed: Observed, fit: TubeFit, config: Config) -> tuple[
     return evidence, visibility
 
 
-def _answer(
+def _build_answer(
     ropes: _Ropes, radii: Radii, visibility: Visibility, observed: Observed, config: Config, run: Run
 ) -> Found:
     """Make chains of fitted ropes, with joins, doubts and warnings."""
@@ -131,7 +131,7 @@ def _answer(
     if radii.held:
         radii_sd = radii.sd[ropes.nodes.classes]
     else:
-        radii_sd = radii.cap(deviate_with_noise(fit.radii, fit.radii_sd, fit.sigma))[fit.radius_classes]
+        radii_sd = radii.cap(add_noise_deviation(fit.radii, fit.radii_sd, fit.sigma))[fit.radius_classes]
     whole = extend_hidden_ends(fit, parts, closed, visibility)
     # joins refer to chains by their numbers, longest first
     chains = sorted(make_chains(fit, whole, closed, radii_sd, config), key=lambda chain: -chain.length)
@@ -157,7 +157,7 @@ def _answer(
     )
 
 
-def _thin(observed: Observed, step: int) -> Observed:
+def _thin_views(observed: Observed, step: int) -> Observed:
     """Return the same with every `step`-th point of each view, as `Clouds.thin` keeps them."""
     views = tuple(view.select(np.arange(len(view.points)) % step == 0) for view in observed.views)
     return replace(observed, views=views)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from strand.support.checks import Array
 from strand.views.view import View
 
-_ENOUGH = 5000  # points that are enough to measure their noise
+_NOISE_POINTS = 5000  # points, at least, whose noise is measured
 _MIN_COSINE = 0.2  # between a ray and the optical axis: rays with less do not come from that camera
 _MIN_NEIGHBORS = 0.5  # share of points with a neighbour to their right where pixels are dense
 _PITCHES = (1e-4, 0.1)  # tangents: distances of pixels that are searched
@@ -21,7 +21,7 @@ _STEPS = 8  # bisections of that range
 _SAMPLE = 1000  # points that are searched
 _ROUNDING = 1e-6  # tangents: smaller differences come from rounding
 _MAX_PIXELS = 1 << 24  # of an image
-_NEXT_COLUMN = 2.0**26  # by which the number of a pixel grows from column to column
+_COLUMN_STRIDE = 2.0**26  # by which the number of a pixel grows from column to column
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class Cameras:
         """
         grids: dict[int, Grid] = {}
         counts = [len(view.points) for view in self.views]
-        some = min(math.ceil(_ENOUGH * len(counts) / sum(counts)), len(counts))
+        some = min(math.ceil(_NOISE_POINTS * len(counts) / sum(counts)), len(counts))
         for number in np.linspace(0, len(counts) - 1, some).round().astype(np.int64).tolist():
             image = self.whole[number].image
             like = next(iter(grids.values())).focal if grids else None
@@ -143,9 +143,9 @@ def _find_pitch(x: Array, y: Array, like: float | None) -> float:
     x, y = x[some], y[some]
 
     def is_dense(pitch: float) -> bool:
-        cells = np.sort(np.rint((x - x[0]) / pitch) * _NEXT_COLUMN + np.rint((y - y[0]) / pitch))
-        right = np.searchsorted(cells, cells + _NEXT_COLUMN).clip(0, len(cells) - 1)
-        return bool((cells[right] == cells + _NEXT_COLUMN).mean() > _MIN_NEIGHBORS)
+        cells = np.sort(np.rint((x - x[0]) / pitch) * _COLUMN_STRIDE + np.rint((y - y[0]) / pitch))
+        right = np.searchsorted(cells, cells + _COLUMN_STRIDE).clip(0, len(cells) - 1)
+        return bool((cells[right] == cells + _COLUMN_STRIDE).mean() > _MIN_NEIGHBORS)
 
     # rows of a complete image are one pixel from each other
     gaps = np.diff(np.sort(y))

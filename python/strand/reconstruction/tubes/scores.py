@@ -1,4 +1,4 @@
-"""Price hypotheses: points that they leave unexplained, and evidence against the ropes that they make."""
+"""Price hypotheses by unexplained points, and by evidence against the ropes that they make."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from strand.reconstruction.tubes.second_look import find_unexplained, is_phantom
 from strand.reconstruction.tubes.tube_ends import find_extents
 
 _SPACING = 0.25  # radii: distance of the places where ropes are priced
-# with b the curvature times the radius, each radius of rope costs _BENDING (b^2 + _KINK max(b - _SHARP, 0))
-_BENDING = 1.5
-_KINK = 4.0
-_SHARP = 0.6
-_MAX_BEND = 1.5  # b is cut off here
+# with the bend b = curvature * radius, each radius of rope costs _BENDING (b^2 + _KINK max(b - _SHARP, 0))
+_BENDING = 1.5  # cost of each radius of rope with a bend of 1, without the kink's part
+_KINK = 4.0  # weight of the bend beyond _SHARP
+_SHARP = 0.6  # bend above which a rope is kinked
+_MAX_BEND = 1.5  # larger bends count as this
 _ROPE = 10.0  # cost of each rope
 _FREE = 2.0  # cost of each radius of rope that cameras saw through
 _PHANTOM = 20.0  # cost of each stretch of rope that cameras saw through
 _OVERLAP = 4.0  # cost of each radius of rope in another strand's place
 _MIN_DISTANCE = 1.5  # radii: axes of two strands nearer than this overlap; in contact they are 2 apart
 _OWN = 5.0  # radii of arc length: nearer places of the same rope do not overlap
-_COUNT = 30.0  # cost of each rope more or less than known
+_WRONG_COUNT = 30.0  # cost of each rope above or below the known number
 
 
 def price_explanation(fit: TubeFit, visibility: Visibility | None) -> float:
@@ -66,9 +66,9 @@ def price_explanation(fit: TubeFit, visibility: Visibility | None) -> float:
 def price_contradictions(chains: Chains, evidence: JoinEvidence) -> float:
     """Return the cost of contradictions between chains and what is known of the ropes."""
     prior = evidence.prior
-    cost = 0.0 if prior.ropes is None else _COUNT * abs(len(chains) - prior.ropes)
+    cost = 0.0 if prior.ropes is None else _WRONG_COUNT * abs(len(chains) - prior.ropes)
     if evidence.config.rings == "always":
-        cost += _COUNT * sum(not closed for _, closed in chains)
+        cost += _WRONG_COUNT * sum(not closed for _, closed in chains)
     if prior.lengths:
         lengths = [float(path_length(nodes)[-1]) for nodes, _ in chains]
         for length, true in zip(lengths, prior.match_lengths(lengths), strict=True):

@@ -17,8 +17,8 @@ def test_lengths_are_those_of_the_ropes_that_they_fit_best():
     assert known.match_lengths([0.1, 0.5, 0.4, 0.3]) == [None, 0.5, 0.4, 0.3]
     every = Prior.from_caller(2, np.float64(0.3))
     assert (every.ropes, every.match_lengths([0.2, 0.1, 0.3])) == (2, [0.3, 0.3, 0.3])
-    assert every.for_some().match_lengths([0.2]) == [0.3]
-    assert known.for_some().lengths == ()
+    assert every.select_common().match_lengths([0.2]) == [0.3]
+    assert known.select_common().lengths == ()
     assert known.measure_excess(0.305, 0.3, R) == 0.0
     assert known.measure_excess(0.4, 0.3, 0.005) == pytest.approx(20.0 - 1.2 - 1.0)
     assert known.measure_excess(0.4, None, R) == 0.0

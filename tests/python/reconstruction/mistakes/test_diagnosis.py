@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import strand
-from strand.reconstruction.mistakes.agreement import distance_between_views
-from strand.reconstruction.mistakes.diagnosis import explaining_errors, find_mistakes
+from strand.reconstruction.mistakes.agreement import measure_view_distance
+from strand.reconstruction.mistakes.diagnosis import explain_errors, find_mistakes
 from strand.reconstruction.mistakes.field_of_view import (
     doubt_far_depths,
     doubt_points_all_around,
@@ -85,11 +85,11 @@ def test_a_mistake_is_named_first_of_all(name):
 
 
 def test_a_mistake_undone_gives_views_that_agree_and_what_was_given_back():
-    before = distance_between_views(images(), crop(images()), 10.0 * R)
+    before = measure_view_distance(images(), crop(images()), 10.0 * R)
     assert before < 0.6 * R
     by_words = {mistake.advice.split(":")[0]: mistake for mistake in MISTAKES}
     views = by_words["poses look like world-to-camera ones"].undo(images(poses=np.linalg.inv(POSES)))
-    assert distance_between_views(views, crop(views), 10.0 * R) == pytest.approx(before, rel=1e-6)
+    assert measure_view_distance(views, crop(views), 10.0 * R) == pytest.approx(before, rel=1e-6)
     np.testing.assert_allclose([view.pose for view in views], POSES, atol=1e-12)
     (back,) = by_words["depth looks transposed, rows for columns"].undo(images(DEPTH.transpose(0, 2, 1))[:1])
     np.testing.assert_array_equal(back.image.depth, DEPTH[0])
@@ -123,12 +123,12 @@ def test_views_of_different_places_do_not_disagree_but_are_doubted():
     pose[:3, 3] += [5.0, 0.0, 0.0]
     views = [images()[1], strand.View.from_depth(far.depth[0] * far.depth_scale, far.intrinsics, pose)]
     ropes = strand.find_ropes(views, R).views
-    assert np.isinf(distance_between_views(ropes, ropes, 10.0 * R))
+    assert np.isinf(measure_view_distance(ropes, ropes, 10.0 * R))
     # that is unusual
     (doubt,) = name_mistakes(views, ropes, None)
     assert doubt.reason.startswith("no view shows the ropes of another; are poses camera-to-world")
     assert 0.5 < doubt.amount < 1.0
-    assert np.isnan(distance_between_views(ropes[:1], ropes[:1], 10.0 * R))
+    assert np.isnan(measure_view_distance(ropes[:1], ropes[:1], 10.0 * R))
     assert name_mistakes(views[:1], ropes[:1], None) == []
 
 
@@ -205,8 +205,8 @@ def test_views_of_different_places_from_opposite_sides_do_not_show_one_rope():
     middle, up = points.mean(axis=0), np.array([0.0, 0.0, 0.5])
     one = strand.View.from_world(points, middle + up)
     same, elsewhere = (strand.View.from_world(points + d, middle + d - up) for d in (0.0, [3.0, 0.0, 0.0]))
-    assert distance_between_views([one, same], [one, same], 10.0 * R) == 0.0
-    assert not distance_between_views([one, elsewhere], [one, elsewhere], 10.0 * R) < R
+    assert measure_view_distance([one, same], [one, same], 10.0 * R) == 0.0
+    assert not measure_view_distance([one, elsewhere], [one, elsewhere], 10.0 * R) < R
 
 
 @pytest.mark.parametrize("height", [0.05, 0.1])
@@ -226,7 +226,7 @@ def test_an_empty_table_in_bounds_is_no_mistake(height):
 def test_an_error_says_the_radius_that_ropes_look_like():
     with (
         pytest.raises(strand.NoRopeError) as caught,
-        explaining_errors(extract_views(images(), BOUNDS), Radii.from_caller(2.0 * R)),
+        explain_errors(extract_views(images(), BOUNDS), Radii.from_caller(2.0 * R)),
     ):
         raise strand.NoRopeError("views: nothing")
     said = str(caught.value)
@@ -236,7 +236,7 @@ def test_an_error_says_the_radius_that_ropes_look_like():
     assert looks == pytest.approx(1e3 * R, rel=0.1)
     with (
         pytest.raises(strand.NotEnoughDataError) as caught,
-        explaining_errors(extract_views(images(), BOUNDS), Radii.from_caller(R)),
+        explain_errors(extract_views(images(), BOUNDS), Radii.from_caller(R)),
     ):
         raise strand.NotEnoughDataError("views: nothing")
     assert str(caught.value) == "views: nothing"
@@ -245,5 +245,5 @@ def test_an_error_says_the_radius_that_ropes_look_like():
 def test_an_error_names_the_mistake():
     views = MADE["depth looks mirrored, left to right"]
     named = pytest.raises(strand.NotEnoughDataError, match="nothing; depth looks mirrored")
-    with named, explaining_errors(extract_views(views, BOUNDS), None):
+    with named, explain_errors(extract_views(views, BOUNDS), None):
         raise strand.NotEnoughDataError("views: nothing")
