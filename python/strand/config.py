@@ -85,7 +85,7 @@ class Known(_Section):
         A rope may miss its given length by this share of it, and by `length_radii`, before strand doubts the
         answer. Raise it for lengths read off a reel.
     length_radii : float
-        What a rope may miss its given length by in addition, in rope radii.
+        A rope may miss its given length by this much more, in rope radii.
     """
 
     radius_sd: float = 0.003
@@ -120,8 +120,8 @@ class Tubes(_Section):
     spacing : float
         Length of a spline's spans, in rope radii; at least 0.5. Lower it for ropes with very tight bends.
     rounds : int
-        How often strand traces and fits at most before it joins; at least 1. Raise it if the reported poses
-        are far off.
+        Largest number of rounds of tracing and fitting before the joins; at least 1. Raise it if the reported
+        poses are far off.
     min_arc : float
         Traced pieces shorter than this are dropped, in rope radii. Raise it if noise is traced.
     node_spacing : float
@@ -170,7 +170,7 @@ class Linking(_Section):
         An end nearer than this to the inside of another piece cuts that piece, in rope radii. Two strands
         that touch are 2 apart.
     contact_gap : float
-        How much a cut removes on each side, in rope radii of arc length.
+        A cut removes this length on each side, in rope radii of arc length.
     min_length : float
         Ropes shorter than this are dropped, in rope radii. Lower it for short ropes, raise it if scraps look
         like ropes.
@@ -217,7 +217,7 @@ class Registration(_Section):
         Points farther from each other than this are no correspondence, in rope radii. Raise it if the
         reported poses are far off; views slide along straight ropes then.
     max_iterations : int
-        How often a view's pose is updated at most.
+        Largest number of updates of a view's pose.
     tolerance : float
         ICP stops at a smaller change of the fitness, and of the inlier RMSE over the correspondence
         distance.
@@ -285,7 +285,7 @@ class Splitting(_Section):
     threshold : float
         A minimum above this is no crossing, in rope radii. Strands that touch are 2 apart.
     prominence : float
-        How far d* must rise on both sides of a minimum, in rope radii. Raise it if noise is cut at.
+        d* must rise by this on both sides of a minimum, in rope radii. Raise it if noise is cut at.
     closure : float
         A chain is closed if its ends are nearer to each other than this, in rope radii.
 

@@ -1,4 +1,4 @@
-"""What the engines share: the number of attempts, the environment of processes, and their error."""
+"""Parts that the engines share: the number of attempts, the environment of processes, and their error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The frames of a unit: their views, and what the recording says about the ropes."""
+"""The frames of a unit: their views, and the recording's facts about the ropes."""
 
 from __future__ import annotations
 

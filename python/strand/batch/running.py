@@ -83,7 +83,7 @@ def run(
     out : path
         The folder of shards; made if it does not exist.
     settings : Settings, optional
-        What is known about all recordings, and how to read them.
+        Facts about all recordings, and how to read them.
     engine : {"local", "ray"}
         `"local"`: processes of this machine; `"ray"`: tasks of Ray, on this machine or on a cluster.
     workers : int, optional

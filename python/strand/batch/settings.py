@@ -1,4 +1,4 @@
-"""The settings of a batch: what is known about all recordings, how to read them, and a digest of that."""
+"""The settings of a batch: facts about all recordings, how to read them, and a digest."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ DIGITS = 16
 
 @dataclass(frozen=True, eq=False)
 class Settings:
-    """The settings of a batch: what is known about all recordings, and how to read them.
+    """The settings of a batch: facts about all recordings, and how to read them.
 
     A scene's own radius and bounds apply where the settings have none.
 

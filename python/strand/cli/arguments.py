@@ -34,7 +34,7 @@ def collect_arguments(options: argparse.Namespace, scene: Scene | None = None) -
 
 
 def describe_arguments(options: argparse.Namespace, scene: Scene) -> dict[str, str]:
-    """Return what the user or the scene gave, in words."""
+    """Return the values that the user or the scene gave, in words."""
     radius, bounds = choose_radius(options, scene), _choose_bounds(options, scene)
     given = {
         "scene": f"{options.scene[0]}",

@@ -1,4 +1,4 @@
-"""Options that several commands share: the scene, and what the user knows about its ropes."""
+"""Options that several commands share: the scene, and the user's knowledge of its ropes."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def add_recording(group: argparse._ArgumentGroup) -> None:
 
 
 def add_priors(command: argparse.ArgumentParser) -> None:
-    """Add what the user knows about the ropes, with masks of the views."""
+    """Add the user's knowledge of the ropes, and masks of the views."""
     add_ropes(command)
     command.add_argument(
         "--mask",
@@ -96,7 +96,7 @@ def add_priors(command: argparse.ArgumentParser) -> None:
 
 
 def add_ropes(command: argparse.ArgumentParser) -> None:
-    """Add what the user knows about the ropes of any scene, the configuration and the limits."""
+    """Add the user's knowledge of the ropes of any scene, the configuration and the limits."""
     command.add_argument(
         "--radius",
         type=values.parse_length,

@@ -129,7 +129,7 @@ def _choose_corners(places: Array, error: float) -> NDArray[np.int64]:
 
 
 def _is_straight(places: Array, error: float) -> bool:
-    """Return whether all places are within the error of the segment from the first to the last."""
+    """Tell whether all places are within the error of the segment from the first to the last."""
     line = places[-1] - places[0]
     square = float(line @ line)
     if square == 0:  # once around a ring

@@ -26,9 +26,9 @@ def elastica(chain: Line, spacing: float | None = None) -> dict[str, Any]:
     Returns
     -------
     dict
-        `n_elements`; `position`, (3, N + 1), or (3, N) of a ring, metres; `directors`, (3, 3, N), without
+        `n_elements`; `position`, (3, N + 1), or (3, N) for a ring, metres; `directors`, (3, 3, N), without
         twist: normal, binormal and tangent of each element as rows; `base_length` and `base_radius`, metres;
-        `direction` and `normal` of the first element; `start`, or `ring_center_position` of a ring.
+        `direction` and `normal` of the first element; `start`, or `ring_center_position` for a ring.
 
     Raises
     ------

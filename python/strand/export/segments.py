@@ -12,9 +12,9 @@ _MAX_SEGMENTS = 100_000  # of a rope
 
 
 def cut_segments(chain: Line, spacing: float | None, least: float = 0.0, fewest: int = 2) -> Array:
-    """Return (N + 1, 3) places on the centreline, from end to end, where N segments meet; (N, 3) of a ring.
+    """Return (N + 1, 3) places on the centreline, from end to end, where N segments meet; (N, 3) for a ring.
 
-    Segments are `spacing` metres long or longer, but never fewer than `fewest` (three of a ring). `spacing`
+    Segments are `spacing` metres long or longer, but never fewer than `fewest` (three for a ring). `spacing`
     is at least `least` radii; None means three radii.
     """
     step = _SPACING * chain.radius if spacing is None else check_positive("spacing", spacing)

@@ -26,7 +26,7 @@ def choose_side(tangent: Array) -> Array:
 
 
 def fill_lost_tangents(path: Array, tangents: Array, closed: bool) -> Array:
-    """Return tangents (M, 3), where nodes turn back on themselves and have none those of the step before.
+    """Return tangents (M, 3); nodes that turn back on themselves get the direction of the step before.
 
     A closed path repeats the first node at the end.
     """

@@ -440,7 +440,7 @@ class Line:
 
 
 def make_queries(lines: Sequence[Line]) -> TubeQueries:
-    """Return what answers queries against the tubes of lines."""
+    """Return the hierarchy that answers queries about the tubes of lines."""
     return TubeQueries(
         [line._path for line in lines],
         [line._list_query_arcs() for line in lines],

@@ -92,7 +92,7 @@ class Archive:
             raise FileFormatError(self.path, f"truncated or damaged ({error})", name) from error
 
 
-# what zipfile, and the modules that it uses, raise for damaged files
+# errors of zipfile, and of the modules that it uses, for damaged files
 _DAMAGE = (
     zipfile.BadZipFile,
     zlib.error,

@@ -27,7 +27,7 @@ def split_lines(path: Path, body: memoryview) -> Iterator[bytes]:
 
 
 def is_long_enough(body: memoryview, numbers: int) -> bool:
-    """Whether the text can hold this many numbers: each takes a digit, and a space or a line break."""
+    """Tell whether the text can hold this many numbers: each takes a digit, and a space or a line break."""
     return 2 * numbers <= len(body) + 1
 
 

@@ -1,4 +1,4 @@
-"""Which views show ropes, and whether masks can be right: ropes stand out from their surroundings."""
+"""Select views that show ropes, and doubt masks: ropes stand out from their surroundings."""
 
 from __future__ import annotations
 
@@ -189,9 +189,8 @@ def warn_of_surplus_labels(views: Sequence[View], ropes: int | None) -> Iterator
 
 
 def _find_mask(view: View, bounds: Box | None) -> DepthImage | None:
-    """Return a view's image if it has a mask that tells something."""
+    """Return a view's image if it has a mask; within bounds, the mask must exclude some pixels."""
     image = view.image
-    # within an extraction range, a mask of everything tells nothing
     if image is None or image.labels is None or (bounds is not None and image.mask.all()):
         return None
     return replace(image, labels=image.mask)

@@ -39,7 +39,7 @@ _APPARENT_RADIUS = "radius: {}, so only the rope's apparent width gives it; give
 
 @dataclass(frozen=True, eq=False)
 class Hints:
-    """What the caller says of the ropes and of the method, checked.
+    """The caller's knowledge of the ropes and choice of a method, checked.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Hints:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What the views show of the ropes.
+    """The ropes in the views.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Scene:
 
 
 def observe(extract: Extract, hints: Hints, run: Run) -> Scene:
-    """Find what views show of the ropes.
+    """Find the ropes in the views.
 
     Parameters
     ----------

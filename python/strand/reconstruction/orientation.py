@@ -1,4 +1,4 @@
-"""Which end of a rope is its start."""
+"""Choose the end at which a rope starts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ropes' radii: what the caller knows of them, and an estimate from how wide ropes look."""
+"""The ropes' radii: given by the caller, or estimated from the ropes' apparent width."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _SAME_SD = 3.0  # standard deviations: closer radii are one
 
 @dataclass(frozen=True, eq=False)
 class Radii:
-    """What is known of the ropes' radii before the fit.
+    """The radii of the ropes before the fit, and how well they are known.
 
     Attributes
     ----------

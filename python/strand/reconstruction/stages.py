@@ -1,4 +1,4 @@
-"""What the stages of both methods share: what they work on, what they find, progress, timings, warnings."""
+"""Data that the stages of both methods share: their input, their answer, progress, timings, warnings."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _MARGIN = 2.0  # radii outside the extraction range: noise moves depths of ropes
 
 @dataclass
 class Run:
-    """What a run collects beside its result, and when it has to end.
+    """The progress, timings, warnings and deadline of a run.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """What a method works on: the views that show ropes, and what the caller knows of the ropes.
+    """The input of a method: the views that show ropes, and the caller's knowledge of the ropes.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class Observed:
 
     @lazy_property
     def masked(self) -> list[bool]:
-        """Whether each view has a mask that tells something: not one of everything."""
+        """Whether each view has a mask that excludes some pixels."""
         return [view.mask is not None and not view.mask.all() for view in self.whole]
 
     @property
@@ -142,7 +142,7 @@ class Observed:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a method finds in the views that show ropes.
+    """The answer of a method for the views that show ropes.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ class Found:
     joins : tuple of Join
         The least certain first.
     doubts : tuple of Doubt or None
-        What speaks against the answer; None if the method finds no doubts.
+        The evidence against the answer; None if the method finds no doubts.
     alternatives : tuple of Alternative
         Other answers, the best first.
     branch : str or None

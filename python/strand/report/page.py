@@ -53,8 +53,7 @@ def write_report(
     """Write a self-contained HTML page of at most 5 MB about a reconstruction.
 
     - A 3D view shows the points by view, the chains by arc length or standard deviation, unseen stretches,
-    ends,
-      crossings, doubts, joins, cameras and the next view.
+      ends, crossings, doubts, joins, cameras and the next view.
     - The chains are drawn over each depth image.
     - Tables list the chains, crossings, doubts and warnings, views and stages.
 

@@ -1,4 +1,4 @@
-"""A chain: the centreline of one reconstructed rope, and what is known of it."""
+"""A chain: the centreline of one reconstructed rope, with its support and uncertainty."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Chain(Line):
         object.__setattr__(self, "doubts", check_instances("doubts", self.doubts, Doubt))
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: a small plot of the chain, and its numbers."""
+        """Return HTML for notebooks: a small plot of the chain, and its numbers."""
         return make_html([self], [repr(self)])
 
     def crossings(self, direction: ArrayLike = (0, 0, 1)) -> tuple[Crossing, ...]:

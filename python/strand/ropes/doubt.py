@@ -1,4 +1,4 @@
-"""What is uncertain about an answer: doubts, warnings, joins, and other ways to join the segments."""
+"""The uncertainty of an answer: doubts, warnings, joins, and other ways to join the segments."""
 
 from __future__ import annotations
 

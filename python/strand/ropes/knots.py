@@ -145,7 +145,7 @@ def name_knot(
     direction: ArrayLike,
     strict: bool = True,
 ) -> Knot:
-    """Return what `knot` does, for given arc lengths at the nodes; of a closed rope also at its end.
+    """Name a knot as `knot` does, with given arc lengths at the nodes, and at the end of a closed rope.
 
     If not `strict`, crossings that the nodes do not show count as right.
     """

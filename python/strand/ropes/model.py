@@ -1,4 +1,4 @@
-"""The model that a reconstruction returns: chains, what is uncertain, and what planners ask of them."""
+"""The model that a reconstruction returns: chains, their uncertainty, and queries for planners."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ _BRANCHES = ("tubes", "images")  # of the default method
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """The reconstructed ropes, with what is known and uncertain about them. Its arrays are read-only.
+    """The reconstructed ropes, and the uncertainty about them. Its arrays are read-only.
 
     Attributes
     ----------
@@ -164,7 +164,7 @@ class Model:
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: a small plot of the chains, numbers, and the greatest doubts."""
+        """Return HTML for notebooks: a small plot of the chains, numbers, and the greatest doubts."""
         places = [doubt.place for doubt in self.doubts if doubt.place is not None]
         lines = repr(self).splitlines() + [f"  {doubt}" for doubt in self.doubts[:_MAX_DOUBTS_SHOWN]]
         if len(self.doubts) > _MAX_DOUBTS_SHOWN:

@@ -29,7 +29,7 @@ def find_weakest_place(lines: Sequence[Line]) -> Array:
 def find_best_camera(place: Array, lines: Sequence[Line], cameras: Array) -> Array:
     """Find the camera position (3,) that best sees a place among ropes, see `Model.next_view`.
 
-    From there strands hide each other little, are seen from the side, and no camera (V, 3) has stood.
+    There, strands hide each other little, the camera sees them from the side, and no camera (V, 3) was near.
     """
     radius = lines[0].radius
     offsets = cameras - place

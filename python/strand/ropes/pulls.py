@@ -102,7 +102,7 @@ class _Pass(NamedTuple):
 
 
 class _Way(NamedTuple):
-    """A pull, and what it costs: metres of way."""
+    """A pull, and its cost, metres of way."""
 
     pull: Pull
     effort: float

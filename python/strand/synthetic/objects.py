@@ -75,7 +75,7 @@ def add_objects(depth: Array, objects: list[Object], intrinsics: Array, pose: Ar
     Parameters
     ----------
     depth : (H, W) ndarray
-        Exact depths, metres; 0 where a ray hits noitem.
+        Exact depths, metres; 0 where a ray hits nothing.
     objects : list of Box, Ball or Cylinder
     intrinsics : (3, 3) ndarray
         The pinhole matrix, pixels.

@@ -1,1 +1,1 @@
-"""What cameras saw: views, poses, boxes, sensors."""
+"""Observations of cameras: views, poses, boxes, sensors."""

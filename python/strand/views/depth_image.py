@@ -1,4 +1,4 @@
-"""A depth image: what a camera measured, its pinhole, where it stood, and which pixels are rope."""
+"""A depth image: a camera's depths, its pinhole, its pose, and the pixels of ropes."""
 
 from __future__ import annotations
 

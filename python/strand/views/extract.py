@@ -1,4 +1,4 @@
-"""Views and what of each lies in the extraction range."""
+"""Views, whole and cropped to the extraction range."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Extract:
 
     @lazy_property
     def images(self) -> list[DepthImage | None]:
-        """Each view's image with its mask, or one of its points inside; None of a view without these."""
+        """Each view's image with its mask, or one of its points inside; None for a view without these."""
         return [
             make_rope_images([own], [view], None)[0] if len(own.points) else None
             for own, view in zip(self.inside, self.whole, strict=True)
@@ -51,7 +51,7 @@ class Extract:
 
     @lazy_property
     def whole_images(self) -> list[DepthImage | None]:
-        """Each view's image without a mask; None of a view that has a mask or no points."""
+        """Each view's image without a mask; None for a view with a mask or without points."""
         return [make_image(view) if view.mask is None and len(view.points) else None for view in self.whole]
 
 

@@ -1,4 +1,4 @@
-"""A view: what one camera saw, and its pose (eq. 1)."""
+"""A view: the points that one camera saw, and its pose (eq. 1)."""
 
 from __future__ import annotations
 
@@ -224,7 +224,7 @@ class View:
 
     @property
     def image(self) -> DepthImage | None:
-        """The depth image, of a view that was made of one; else None."""
+        """The depth image of a view that was made of one; else None."""
         return self._image
 
     @property

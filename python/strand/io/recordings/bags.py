@@ -214,6 +214,6 @@ def _convert_errors(path: Path, place: str | None) -> Iterator[None]:
 
 
 def is_recording(path: str | os.PathLike[str]) -> bool:
-    """Whether a path is a recording, by its suffix or by the metadata in the folder."""
+    """Tell whether a path is a recording, by its suffix or by the metadata in the folder."""
     place = Path(path)
     return (place / METADATA).exists() if place.is_dir() else place.suffix.lower() in SUFFIXES

@@ -62,7 +62,7 @@ def name_info_topic(topic: str) -> str:
 
 
 def is_rectified(topic: str) -> bool:
-    """Whether the topic's name says that images are rectified: image_rect, image_rect_raw."""
+    """Tell whether the topic's name says that images are rectified: image_rect, image_rect_raw."""
     return any(part.startswith("image_rect") for part in topic.split("/"))
 
 

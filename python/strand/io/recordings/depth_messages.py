@@ -17,7 +17,7 @@ _CODEC = struct.Struct("<iff")  # header before the PNG: format, and the quantis
 
 
 def is_depth(message: Any) -> bool:
-    """Whether an Image or CompressedImage declares depth."""
+    """Tell whether an Image or CompressedImage declares depth."""
     if hasattr(message, "encoding"):
         return message.encoding in ("16UC1", "32FC1")
     return message.format.partition(";")[0].strip() in ("16UC1", "32FC1")

@@ -1,1 +1,1 @@
-"""What speaks for and against an answer: the cameras' rays, colours, and what the caller knows."""
+"""Evidence for and against an answer: the cameras' rays, colours, and the caller's knowledge."""

@@ -1,4 +1,4 @@
-"""How sure an answer is, and where it contradicts what the caller knows of the ropes."""
+"""Compute the confidence of an answer, and find where it contradicts the caller's knowledge of the ropes."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def to_normal_deviate(square: float, freedom: int) -> float:
 def find_contradictions(
     chains: Sequence[Chain], surplus: Sequence[Chain], prior: Prior, all_rings: bool
 ) -> list[tuple[Doubt, tuple[int, ...]]]:
-    """Return doubts where an answer contradicts what the caller knows of the ropes.
+    """Return doubts where an answer contradicts the caller's knowledge of the ropes.
 
     Parameters
     ----------

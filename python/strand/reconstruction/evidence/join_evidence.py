@@ -1,4 +1,4 @@
-"""What speaks for or against joining two ends, in one value."""
+"""The evidence for or against a join of two ends, in one value."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from strand.reconstruction.evidence.visibility import Visibility
 
 @dataclass(frozen=True, eq=False)
 class JoinEvidence:
-    """What speaks for or against joining two ends of arcs, and its weights.
+    """The evidence for or against a join of two ends of arcs, and its weights.
 
     Attributes
     ----------
@@ -21,9 +21,9 @@ class JoinEvidence:
     config : Linking
         The weights.
     visibility : Visibility or None
-        What the views saw. Without it, free space costs nothing.
+        The views' rays. Without them, free space costs nothing.
     prior : Prior
-        What the caller knows of the ropes.
+        The caller's knowledge of the ropes.
     colors : ArcColors or None
         The arcs' colours, if known.
     """

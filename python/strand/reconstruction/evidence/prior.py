@@ -1,4 +1,4 @@
-"""What the caller knows of the ropes: their number, their lengths, and where they are."""
+"""The caller's knowledge of the ropes: their number, their lengths, and where they are."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from strand.config import Known
 from strand.support.checks import check_positive
 from strand.views.box import Box
 
-LENGTH_COST = 2.0  # of a hypothesis, per radius that a known length is missed by
-MAX_LENGTH_COST = 30.0  # of a hypothesis, per rope
+LENGTH_COST = 2.0  # cost of a hypothesis for each radius by which it misses a known length
+MAX_LENGTH_COST = 30.0  # largest cost of a hypothesis for the length of one rope
 _MAX_ROPES = 10_000  # ropes that a caller may ask for
 
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What the caller knows of the ropes.
+    """The caller's knowledge of the ropes.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What the cameras saw of a place: whether it is occupied, occluded or free."""
+"""Find out from the cameras' rays whether a place is occupied, occluded or free."""
 
 from __future__ import annotations
 

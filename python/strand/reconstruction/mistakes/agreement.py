@@ -34,12 +34,12 @@ _TINY = float(np.finfo(float).tiny)  # least positive float: keeps ratios finite
 
 @dataclass(frozen=True)
 class Agreement:
-    """Whether views show ropes in the same place.
+    """The agreement of views about the place of the ropes.
 
     Attributes
     ----------
     distance : float
-        As `measure_view_distance` gives it, metres; NaN of one view.
+        As `measure_view_distance` gives it, metres; NaN for a single view.
     agrees : bool
         Whether it is as small as that of views that are right.
     known : bool

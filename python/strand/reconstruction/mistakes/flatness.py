@@ -1,4 +1,4 @@
-"""Whether depth was measured along the rays instead of the camera's axis: a table then looks bent."""
+"""Detect depth that was measured along the rays instead of the camera's axis: it bends tables."""
 
 from __future__ import annotations
 

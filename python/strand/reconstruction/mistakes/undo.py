@@ -79,7 +79,7 @@ def _turn_axes(turn: Array) -> Callable[[View], View | None]:
 
 
 def _change_pixels(change: Callable[[NDArray[Any]], NDArray[Any]]) -> Callable[[View], View | None]:
-    """Return what undoes a mistake by changing the order of the pixels of depth and mask."""
+    """Return a function that undoes a mistake in the order of the pixels of depth and mask."""
 
     def undo(view: View) -> View | None:
         image = view.image

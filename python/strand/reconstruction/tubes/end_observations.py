@@ -31,7 +31,7 @@ _OWN = 6  # nodes beyond those places that are no other strand
 
 @dataclass(frozen=True, eq=False)
 class _Scene:
-    """What all observations share."""
+    """The data that all observations share."""
 
     fit: TubeFit
     axes: list[Array | None]

@@ -67,7 +67,7 @@ class ScoredHypothesis:
     cost : float
         Price of the explanation in radii of rope, of different colours at joins, and `contradiction`.
     contradiction : float
-        Price of contradictions to what is known of the ropes.
+        Price of contradictions to the known facts about the ropes.
     """
 
     hypothesis: Hypothesis

@@ -1,4 +1,4 @@
-"""Say how certain the joins of an answer are, and what else could be the answer."""
+"""Rate the joins of an answer, and list the other possible answers."""
 
 from __future__ import annotations
 

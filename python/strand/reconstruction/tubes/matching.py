@@ -124,7 +124,7 @@ def _join_cheapest(
 ) -> tuple[list[Pair], int]:
     """Return the `wanted` pairs of least cost that each join two chains, and the number of pairs tried.
 
-    `known` are as many pairs that do, if they are known.
+    `known` is a first solution of `wanted` pairs, or empty.
     """
     price = {(i, j): cost for cost, i, j in priced}
     best: tuple[float, list[Pair]] = (np.inf, [])

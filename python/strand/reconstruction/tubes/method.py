@@ -30,7 +30,7 @@ from strand.reconstruction.tubes.tube_nodes import make_chains
 from strand.reconstruction.tubes.whole_ropes import cut_to_ropes, fit_ropes
 
 SECOND_LOOK = "a second look at unexplained points"
-"""What a deadline may skip."""
+"""Name of the work that a deadline may skip."""
 
 _MAX_REVISIONS = 1  # decisions that are reconsidered after the fit of the ropes
 

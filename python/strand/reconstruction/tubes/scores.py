@@ -64,7 +64,7 @@ def price_explanation(fit: TubeFit, visibility: Visibility | None) -> float:
 
 
 def price_contradictions(chains: Chains, evidence: JoinEvidence) -> float:
-    """Return the cost of contradictions between chains and what is known of the ropes."""
+    """Return the cost of contradictions between chains and the known facts about the ropes."""
     prior = evidence.prior
     cost = 0.0 if prior.ropes is None else _WRONG_COUNT * abs(len(chains) - prior.ropes)
     if evidence.config.rings == "always":
