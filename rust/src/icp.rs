@@ -1,6 +1,7 @@
 //! Registration of two clouds by iterated closest points (section IV-C, eq. 15 of *Shape Modeling of A String And
 //! Recognition Using Distance Sensor*).
 
+mod options;
 mod pairing;
 
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
@@ -9,6 +10,7 @@ use crate::checks::{check_finite, check_normals, check_positive, check_same_leng
 use crate::error::{Error, Result};
 use crate::geometry::{Point, RigidMotion, dot, sub};
 use crate::parallel;
+pub use options::IcpOptions;
 use pairing::{Pairing, Pairs};
 
 /// The sum that registration minimises.
@@ -19,40 +21,6 @@ pub enum Objective<'a> {
     /// Σ ((R x_i + t − y_i) · n_i)² with the target's unit normals n_i, linearised at the current pose (Chen and
     /// Medioni 1992; R = R_z R_y R_x of the solved angles, as in Low 2004).
     PointToPlane(&'a [Point]),
-}
-
-/// The start and the limits of a registration.
-///
-/// By default it starts at the identity. The caller must set the correspondence distance: no default suits all data.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct IcpOptions {
-    /// Start pose: source frame to target frame.
-    pub start: RigidMotion,
-    /// Largest distance between the points of a correspondence, metres.
-    pub max_correspondence_distance: f64,
-    /// Updates of the pose at most.
-    pub max_iterations: usize,
-    /// The registration ends when an update changes the fitness by at most this, and the inlier RMSE by at most this
-    /// times the correspondence distance.
-    pub tolerance: f64,
-}
-
-impl IcpOptions {
-    /// The default of `max_iterations`.
-    pub const MAX_ITERATIONS: usize = 30;
-    /// The default of `tolerance`.
-    pub const TOLERANCE: f64 = 1e-6;
-}
-
-impl Default for IcpOptions {
-    fn default() -> Self {
-        Self {
-            start: RigidMotion::identity(),
-            max_correspondence_distance: 0.0,
-            max_iterations: Self::MAX_ITERATIONS,
-            tolerance: Self::TOLERANCE,
-        }
-    }
 }
 
 /// Why a registration ended.

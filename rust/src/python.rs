@@ -6,6 +6,7 @@ mod arrays;
 mod centerline;
 mod curves;
 mod density;
+mod errors;
 mod filter;
 mod fit;
 mod icp;
@@ -20,23 +21,10 @@ mod tubes;
 mod views;
 mod visibility;
 
-use pyo3::create_exception;
-use pyo3::exceptions::{PyException, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::error::Error;
-
-create_exception!(strand, StrandError, PyException, "Base of the errors that strand raises of its own.");
-create_exception!(strand, NotEnoughDataError, StrandError, "The data cannot support an answer.");
-
-impl From<Error> for PyErr {
-    fn from(error: Error) -> Self {
-        match error {
-            Error::InvalidArgument { .. } => PyValueError::new_err(error.to_string()),
-            Error::NotEnoughData { .. } => NotEnoughDataError::new_err(error.to_string()),
-        }
-    }
-}
+use errors::{NotEnoughDataError, StrandError};
 
 /// Set how many threads the kernels use from now on.
 ///

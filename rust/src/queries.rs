@@ -18,6 +18,7 @@ use crate::geometry::{Point, RigidMotion, normalized, squared_distance, sub};
 use crate::parallel::{self, go_on};
 use boxes::BoxMotion;
 use capsule::Capsule;
+pub use capsule::Place;
 use hierarchy::Hierarchy;
 use rays::Line;
 
@@ -31,15 +32,6 @@ pub struct Path<'a> {
     pub arc_length: &'a [f64],
     /// Radius, metres.
     pub radius: f64,
-}
-
-/// A place on a chain's axis.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
-    pub chain: usize,
-    /// Arc length, metres.
-    pub s: f64,
-    pub point: Point,
 }
 
 /// Where a ray meets a tube.

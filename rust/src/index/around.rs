@@ -4,10 +4,10 @@
 //! error is known, so callers see which answers are certain. Each lane meets the points in the order of the cells, so
 //! sums are equal bit for bit for any instruction width.
 
-use super::CROWDED;
 use super::bounds::Bounds;
 use super::cells::Cells;
 use super::cells::sweep::Sweep;
+use super::limits::CROWDED;
 use crate::geometry::Point;
 use crate::simd::{BATCH, Simd, Singles};
 

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::POINTS_PER_PART;
+use super::limits::POINTS_PER_PART;
 use crate::geometry::{Point, dot};
 use crate::simd::LANES;
 

@@ -11,8 +11,8 @@ pub mod sweep;
 use rayon::prelude::*;
 
 use super::bounds::{Bounds, bounds};
+use super::limits::{CROWDED, POINTS_PER_PART, SHORTEST, WIDE};
 use super::sort::sort_words;
-use super::{CROWDED, POINTS_PER_PART, SHORTEST, WIDE};
 use crate::geometry::Point;
 use crate::simd::BATCH;
 

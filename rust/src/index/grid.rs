@@ -5,8 +5,8 @@ use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
-use super::CROWDED;
 use super::hierarchy::Hierarchy;
+use super::limits::CROWDED;
 use super::sort::sort_words;
 use crate::geometry::{Point, squared_distance};
 

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{POINTS_PER_PART, SHORTEST};
+use super::limits::{POINTS_PER_PART, SHORTEST};
 use crate::geometry::{Point, squared_distance};
 use crate::simd::kernel;
 

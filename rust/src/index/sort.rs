@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::POINTS_PER_PART;
+use super::limits::POINTS_PER_PART;
 use crate::parallel::Slots;
 
 const MAX_DIGIT_BITS: u32 = 10; // bits of a digit of the sort at most

@@ -3,7 +3,8 @@
 use std::num::NonZeroUsize;
 use std::sync::OnceLock;
 
-use super::{Answers, Covariances, Sums, covariance};
+use super::planes::{Answers, Covariances, covariance};
+use super::sums::Sums;
 use crate::error::{Error, Result};
 use crate::geometry::{Moments, Point, Symmetric3, squared_distance, sub};
 use crate::index::Tree;

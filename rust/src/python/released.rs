@@ -9,7 +9,7 @@ use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::intern;
 use pyo3::prelude::*;
 
-use super::StrandError;
+use super::errors::StrandError;
 use crate::parallel::{self, Caller};
 
 const PATIENCE: Duration = Duration::from_millis(50); // longest time that a signal waits for its handler

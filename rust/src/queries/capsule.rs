@@ -1,8 +1,16 @@
 //! A capsule: everything within a radius of a segment of a chain's axis.
 
-use super::Place;
 use super::least::least_place;
 use crate::geometry::{Point, advance, dot, squared_distance, sub};
+
+/// A place on a chain's axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Place {
+    pub chain: usize,
+    /// Arc length, metres.
+    pub s: f64,
+    pub point: Point,
+}
 
 /// A segment of an axis and its radius.
 #[derive(Debug, Clone, Copy)]

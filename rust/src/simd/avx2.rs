@@ -3,8 +3,11 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Sub};
 
+use super::eight::Eight;
+use super::lanes::{BATCH, Doubles, LANES, Lanes, Singles, Whole};
+use super::portable;
 use super::proven::proven;
-use super::{BATCH, Doubles, Eight, LANES, Lanes, Simd, Singles, Whole, portable};
+use super::set::Simd;
 
 /// Proof that the processor has AVX2 and the bit instructions that came with it.
 #[derive(Clone, Copy)]

@@ -3,8 +3,9 @@
 use std::arch::x86_64::*;
 
 use super::avx2::{Avx2, InRegister};
+use super::lanes::{BATCH, Doubles, LANES, Lanes, Singles, Whole};
 use super::proven::proven;
-use super::{BATCH, Doubles, LANES, Lanes, Simd, Singles, Whole};
+use super::set::Simd;
 
 /// Proof that the processor has AVX-512 with its usual extensions, and all of [`Avx2`].
 #[derive(Clone, Copy)]

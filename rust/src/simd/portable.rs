@@ -2,7 +2,9 @@
 
 use std::ops::{Add, Div, Mul, Sub};
 
-use super::{BATCH, Doubles, Eight, LANES, Lanes, Simd, Singles, Whole};
+use super::eight::Eight;
+use super::lanes::{BATCH, Doubles, LANES, Lanes, Singles, Whole};
+use super::set::Simd;
 
 /// A token that anyone may make.
 #[derive(Clone, Copy)]

@@ -65,7 +65,7 @@ MAX_DOCUMENTATION_LINES = 3200  # of all pages at the root and in docs/
 SHARED_STEMS = {"__init__", "method"}  # modules that several folders of reconstruction/ may have
 
 # checks that do not hold yet
-PENDING = {"circles of files in Rust", "long files"}
+PENDING = {"long files"}
 
 Graph = dict[str, set[str]]
 

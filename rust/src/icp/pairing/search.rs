@@ -1,6 +1,6 @@
 //! The nearest target points of some lanes of a batch.
 
-use super::{Batch, LISTED, NONE, Pairing};
+use super::partners::{Batch, LISTED, NONE, Pairing};
 use crate::geometry::{Point, squared_distance};
 use crate::index::around::{Around, Frame, squared_distances};
 use crate::index::bounds::Bounds;

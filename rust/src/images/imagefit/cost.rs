@@ -1,8 +1,10 @@
 //! The misfit of a hypothesis: what the fit leaves unexplained.
 
+use super::camera::{RopeView, Sensor};
 use super::curves::Curves;
 use super::evidence::Seen;
-use super::{Misfit, Place2, RopeView, STEP, Sensor};
+use super::outcome::Misfit;
+use super::places::{Place2, STEP};
 
 /// Mask within this distance of the axis is covered, image radii, and pixels in addition.
 const COVERS: (f64, f64) = (1.2, 0.5);

@@ -1,7 +1,7 @@
 //! Crossings of strands in an image, and which strand is on top.
 
+use super::places::{APART, HIDES, OnChain, Place2, STEP, TOUCHING};
 use super::smoothing::{Gap, Profile};
-use super::{APART, HIDES, OnChain, Place2, STEP, TOUCHING};
 
 const TOGETHER: usize = 5; // pairs nearer than this in both places along the rope belong to one crossing, samples
 /// Crossings nearer than this along either strand are one, samples: what separates them is jitter.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::band::Band;
-use super::{OnChain, STEP};
+use super::places::{OnChain, STEP};
 use crate::geometry::banded::Bordered;
 use crate::geometry::polyline::{arc_length, resampled, smoothed};
 use crate::geometry::spline::Spline;

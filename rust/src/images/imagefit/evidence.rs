@@ -1,10 +1,11 @@
 //! The residuals of one view's mask and depth.
 
+use super::camera::{RopeView, Sensor};
 use super::crossings::apart;
 use super::curves::Curves;
 use super::equations::{Columns, Residual, Sums};
 use super::grid::Grid;
-use super::{HIDES, MIXED, MIXES, Place2, RopeView, STEP, Sensor};
+use super::places::{HIDES, MIXED, MIXES, Place2, STEP};
 use crate::geometry::median::upper_median;
 use crate::geometry::polyline::append_directions;
 use crate::geometry::{Point, cross, dot};

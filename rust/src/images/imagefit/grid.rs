@@ -1,6 +1,6 @@
 //! A grid of places in an image, for searches of near places.
 
-use super::Place2;
+use super::places::Place2;
 
 /// Places sorted into square cells.
 #[derive(Debug, Default)]

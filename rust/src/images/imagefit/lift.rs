@@ -2,10 +2,11 @@
 
 use std::ops::Range;
 
+use super::camera::{Plane, RopeView, Sensor};
 use super::crossings::{Crossing, Evidence, apart, find_hiding, find_overlaps};
 use super::grid::Grid;
+use super::places::{HIDES, MIXED, MIXES, OnChain, Place2, STEP};
 use super::smoothing::Profile;
-use super::{HIDES, MIXED, MIXES, OnChain, Place2, Plane, RopeView, STEP, Sensor};
 use crate::geometry::median::{MEDIAN_TO_SD, median};
 use crate::geometry::polyline::{arc_length, resampled};
 use crate::geometry::{Point, advance};

@@ -1,6 +1,6 @@
 //! The depth of a rope's middle: medians over small discs of the mask.
 
-use super::Place2;
+use super::places::Place2;
 use crate::clouds::depth::has_return;
 use crate::images::silhouette::Silhouette;
 use crate::parallel;

@@ -1,6 +1,7 @@
 //! A prepared view: its mask, mended by depth, and its depth, without things that hide the ropes.
 
-use super::{Medians, RopeView};
+use super::camera::RopeView;
+use super::medians::Medians;
 use crate::clouds::depth::Pinhole;
 use crate::geometry::RigidMotion;
 use crate::geometry::median::upper_median;

@@ -1,6 +1,6 @@
 //! Agreement of depth with ropes on a plane, compared with the bare plane.
 
-use super::{Plane, RopeView};
+use super::camera::{Plane, RopeView};
 use crate::geometry::{Point, cross, dot, normalized, squared_distance, sub};
 use crate::images::image::Image;
 

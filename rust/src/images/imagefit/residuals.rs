@@ -1,7 +1,7 @@
 //! The spread of residuals, and their correlation along the ropes.
 
-use super::STEP;
 use super::curves::Curves;
+use super::places::STEP;
 use crate::geometry::median::{MEDIAN_TO_SD, upper_median};
 
 const LAGS: usize = 16; // largest distance over which residuals are compared, samples

@@ -1,11 +1,13 @@
 //! The fit: Gauss–Newton steps of curves, poses and biases together.
 
+use super::camera::{Plane, RopeView, Sensor};
 use super::cost;
 use super::curves::Curves;
 use super::equations::{Columns, Sums};
 use super::evidence::{Scene, Seen};
+use super::outcome::{ImageFit, Misfit};
+use super::places::{OnChain, Place2, STEP, TOUCHING};
 use super::residuals::{measure_depth_scatter, measure_edge_scatter};
-use super::{ImageFit, ImageFitOptions, Misfit, OnChain, Place2, Plane, RopeView, STEP, Sensor, TOUCHING};
 use crate::geometry::banded::{Bordered, Factor, WIDTH};
 use crate::geometry::{Point, advance, dot, normalized, sub};
 
@@ -23,6 +25,23 @@ const PAIRS: f64 = 6.0; // pairs of a crossing that count in full
 const MAX_STEP: f64 = 1.0; // step of a control point at most, radii
 const SETTLED: f64 = 0.01; // the fit ends after a smaller step, radii
 const DAMPING: f64 = 1e-2; // damping of a control point's step, which keeps the matrix positive definite, 1/radii²
+
+/// Settings of a fit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImageFitOptions {
+    /// Gauss–Newton steps at most.
+    pub iterations: usize,
+    /// The view whose mask gives the ends of the ropes.
+    pub reference: usize,
+    /// The view whose pose is held; None holds all poses.
+    pub held: Option<usize>,
+    /// Standard deviations of the poses: rotation in radians, translation in metres.
+    pub pose_sd: [f64; 2],
+    /// Noise of depth, radii.
+    pub noise: f64,
+    /// Whether to compute covariances.
+    pub uncertainty: bool,
+}
 
 /// Fits curves to the views, starting with chains in space.
 ///

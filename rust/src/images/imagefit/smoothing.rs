@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::STEP;
 use super::band::Band;
+use super::places::STEP;
 
 /// Cost of bending along the viewing rays, for each ∫ z″² ds in radii, relative to depths of unit noise.
 const STIFFNESS: f64 = 40.0;

@@ -1,6 +1,7 @@
 //! The pixels that support each node.
 
-use super::{Place2, RopeView};
+use super::camera::RopeView;
+use super::places::Place2;
 use crate::geometry::{Point, cross};
 
 const REACH: f64 = 1.5; // pixels farther than this from every node support none, image radii

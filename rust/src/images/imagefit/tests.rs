@@ -3,8 +3,12 @@
 use nalgebra::{Rotation3, Vector3};
 
 use super::lift::Lifted;
+use super::medians::Medians;
+use super::places::Place2;
 use super::*;
-use crate::geometry::{advance, squared_distance};
+use crate::clouds::depth::Pinhole;
+use crate::geometry::{Point, RigidMotion, advance, squared_distance};
+use crate::images::silhouette::Silhouette;
 
 /// A rope and the nodes of its axis.
 #[derive(Clone)]

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::{BLOCK_BITS, Cells, IN_BLOCK, Row};
 use crate::geometry::Point;
-use crate::index::SHORTEST;
 use crate::index::bounds::Bounds;
+use crate::index::limits::SHORTEST;
 
 const MAX_ROWS: u64 = 1 << 12; // rows of cells that are examined around a box, at most
 

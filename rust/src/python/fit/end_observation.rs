@@ -29,7 +29,7 @@ use crate::python::arrays::list;
 /// ValueError
 ///     If a number is negative or not finite, `outward` is not of unit length, or `sd` is not positive.
 #[pyclass(frozen, module = "strand._core")]
-pub(in super::super) struct EndObservation {
+pub struct EndObservation {
     /// int: number of the view.
     #[pyo3(get)]
     pub(super) view: usize,

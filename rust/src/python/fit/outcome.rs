@@ -14,7 +14,7 @@ use crate::tubes::tubefit::{OnCurve, deviations};
 
 /// The result of `strand.fit_tubes`; its arrays are read-only.
 #[pyclass(frozen, get_all, module = "strand")]
-pub(in super::super) struct TubeFit {
+pub struct TubeFit {
     /// list of (n, 3) ndarray: control points of uniform cubic B-splines, metres.
     pub(super) curves: Vec<Py<PyArray2<f64>>>,
     /// (V, 4, 4) ndarray: for each view, the rigid motion of the world frame that corrects its reported pose.

@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::foot_points::ViewTerms;
+use super::input::{EndObservation, TubeFitOptions};
+use super::outcome::Uncertainty;
 use super::state::State;
 use super::sums::{Band, RESIDUAL};
-use super::{EndObservation, TubeFitOptions, Uncertainty};
 use crate::error::{Error, Result};
 use crate::geometry::banded::{Bordered, WIDTH};
 use crate::geometry::spline::Spline;

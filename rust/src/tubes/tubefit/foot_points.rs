@@ -7,6 +7,8 @@ use rayon::prelude::*;
 
 use crate::parallel::go_on;
 
+use super::input::{OnCurve, Residual, TubeFitOptions, TubeView};
+use super::outcome::FootPoint;
 use super::residuals::{measure_along_rays, measure_distances};
 use super::search::{Search, find_places};
 use super::spans::{
@@ -15,7 +17,6 @@ use super::spans::{
 };
 use super::state::State;
 use super::sums::{Features, SpanSums};
-use super::{FootPoint, OnCurve, Residual, TubeFitOptions, TubeView};
 use crate::geometry::Point;
 use crate::simd::{Eight, LANES, Lanes, Simd, Three, kernel};
 

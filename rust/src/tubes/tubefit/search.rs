@@ -2,8 +2,8 @@
 
 use rustc_hash::FxHashMap;
 
+use super::input::{OnCurve, Residual};
 use super::state::State;
-use super::{OnCurve, Residual};
 use crate::geometry::{Point, cell_of, dot, normalized, sub};
 use crate::simd::{Eight, LANES, Lanes, Simd, Three, kernel};
 

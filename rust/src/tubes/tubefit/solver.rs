@@ -4,8 +4,9 @@ use nalgebra::{Matrix3, Matrix6, Rotation3, SymmetricEigen, Vector3};
 
 use super::equations::{SECOND_DIFFERENCE, refuse_undetermined};
 use super::foot_points::ViewTerms;
+use super::input::{Residual, TubeFitOptions, goes_on};
+use super::outcome::{TubeFit, Uncertainty};
 use super::state::{State, find_least, find_twist};
-use super::{Residual, TubeFit, TubeFitOptions, Uncertainty, goes_on};
 use crate::error::Result;
 use crate::geometry::median::MEDIAN_TO_SD;
 use crate::geometry::{Point, RigidMotion, advance, dot, sub};

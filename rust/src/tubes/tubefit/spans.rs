@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
+use super::input::{OnCurve, TubeFitOptions};
 use super::state::State;
-use super::{OnCurve, TubeFitOptions};
 use crate::geometry::spline::{Pieces, Spline};
 use crate::geometry::{Point, normalized, sub};
 

@@ -2,7 +2,7 @@
 
 use nalgebra::Rotation3;
 
-use super::{Tube, TubeView};
+use super::input::{Tube, TubeView};
 use crate::geometry::spline::Spline;
 use crate::geometry::{Point, RigidMotion, centroid, sub};
 
