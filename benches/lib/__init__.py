@@ -1,1 +1,1 @@
-"""What benches share: scenes with truth, the measure, tables, pictures, files."""
+"""Helpers of benches and tests: scenes with truth, the measure, tables, pictures, files."""

@@ -241,7 +241,7 @@ def test_random_scenes_of_both_kinds():
         assert (scene.mask is not None) == (noise == "correlated") == (record["correlation"] > 0)
 
 
-def test_ropes_that_hang_cross_as_seen_across_their_layer():
+def test_hanging_ropes_cross_as_seen_across_their_layer():
     lying = strand.synthetic.scene("figure8", views=1)
     hung = [np.roll(nodes, 1, axis=1) for nodes in lying.truth]
     hanging = strand.synthetic.scene(

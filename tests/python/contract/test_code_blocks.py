@@ -156,7 +156,7 @@ def test_python(page, tmp_path, capsys):
     CHECKS.get(page, lambda *_: None)(names, capsys.readouterr().out, tmp_path)
 
 
-def test_known_lengths_tell_how_many_ropes(monkeypatch):
+def test_known_lengths_give_the_number_of_ropes(monkeypatch):
     block = next(block for block in find_blocks("README.md") if "length=" in block.text)
     models, reconstruct = [], strand.reconstruct
     monkeypatch.setattr(strand, "reconstruct", lambda *a, **known: models.append(reconstruct(*a, **known)))

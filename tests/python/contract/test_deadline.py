@@ -57,17 +57,17 @@ def test_the_models_of_hurried_answers_are_saved_and_used_as_others(tmp_path):
     assert np.isfinite(model.next_view()).all()
 
 
-@pytest.mark.parametrize("told", [{"radius": 0.0042}, {}, {"radius": [0.0042, 0.003]}, {"length": 0.4}])
-def test_there_is_an_answer_whatever_is_known(told):
+@pytest.mark.parametrize("given", [{"radius": 0.0042}, {}, {"radius": [0.0042, 0.003]}, {"length": 0.4}])
+def test_there_is_an_answer_for_any_hints(given):
     scene = strand.synthetic.scene("figure8", seed=4)
     model = strand.reconstruct(
-        scene.views, told.get("radius"), scene.bounds, length=told.get("length"), deadline=SOON
+        scene.views, given.get("radius"), scene.bounds, length=given.get("length"), deadline=SOON
     )
     assert model.chains
     assert "deadline" in {doubt.kind for doubt in model.doubts}
 
 
-def test_the_published_method_has_nothing_to_leave_out():
+def test_the_published_method_has_nothing_to_skip():
     scene = strand.synthetic.scene("arc", seed=3)
     config = strand.Config.published()
     hurried = strand.reconstruct(scene.views, scene.radius, scene.bounds, config=config, deadline=SOON)
@@ -85,7 +85,7 @@ def test_a_deadline_is_a_positive_number_of_seconds(deadline, error):
         strand.reconstruct(scene.views, scene.radius, scene.bounds, deadline=deadline)
 
 
-def test_what_is_left_out_is_named_once_and_shared_by_answers_that_compete():
+def test_competing_answers_share_the_names_of_skipped_steps():
     run = Run(None, deadline=time.monotonic() - 1.0)
     other = run.fork()
     assert [run.skips("one"), other.skips("two"), run.skips("one")] == [True, True, True]

@@ -74,7 +74,7 @@ def test_crates_come_from_the_registry_of_the_list(rules, crates):
     assert {crate["source"] for crate in crates} == accepted
 
 
-def test_wheels_have_the_licences_of_all_that_is_compiled_in():
+def test_wheels_have_the_licences_of_all_compiled_code():
     written = licences.WRITTEN.read_text(encoding="utf-8")
     crates, standard = written.split(licences.STANDARD)
     assert crates == licences.describe_crates(), "run python packaging/licences.py"
@@ -84,7 +84,7 @@ def test_wheels_have_the_licences_of_all_that_is_compiled_in():
     assert licences.WRITTEN.name in project["license-files"]
 
 
-def test_of_a_choice_of_licences_mit_is_told():
+def test_mit_is_chosen_among_licences():
     files = {"LICENSE-MIT": "m", "LICENSE-APACHE": "a", "README.md": "r"}
     assert licences.choose_texts(files, "x 1.0") == ["m"]
     assert licences.choose_texts({"LICENSE": "l", "NOTICE": "n"}, "x 1.0") == ["l", "n"]

@@ -54,14 +54,14 @@ def find_places(name):
         'metadata.version("rope")',
     ],
 )
-def test_what_carries_a_name(line):
+def test_lines_that_carry_a_name(line):
     assert re.search(CARRIES.format("rope"), line)
 
 
 @pytest.mark.parametrize(
     "line", ["import rope", "chains[0]", "rope demo", 'pip install ".[rope]"', "rope.json"]
 )
-def test_what_carries_none(line):
+def test_lines_that_carry_no_name(line):
     assert not re.search(CARRIES.format("rope"), line)
 
 
@@ -81,7 +81,7 @@ def test_extras_that_name_others_name_this_distribution():
 
 
 @pytest.mark.parametrize("name", [None, "strand", "other-name"])
-def test_what_is_missing_is_asked_for_by_the_installed_name(name, tmp_path):
+def test_errors_about_missing_packages_have_the_installed_name(name, tmp_path):
     (tmp_path / "strand").symlink_to(Path(strand.__file__).parent)
     if name is not None:
         information = tmp_path / f"{name.replace('-', '_')}-1.0.dist-info"
@@ -146,7 +146,7 @@ def test_a_release_is_cut_in_all_places(copied):
         cut.cut(copied, "12.3.5", "2030-01-03")
 
 
-def test_the_version_of_the_crate_is_cut_as_long_as_the_changelog_does_not_have_it(copied):
+def test_the_crates_version_can_be_cut_until_the_changelog_has_it(copied):
     crate = copied / "Cargo.toml"
     crate.write_text(crate.read_text("utf-8").replace(f'"{VERSION}"', '"9.10.0"', 1), encoding="utf-8")
     with pytest.raises(

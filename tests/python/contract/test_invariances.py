@@ -174,7 +174,7 @@ def test_a_mirrored_scene_has_mirrored_ropes_and_crossings(case):
     assert (turned.crossings.right, turned.crossings.found) == (right.right, right.found)
 
 
-def test_what_lies_far_outside_the_bounds_does_not_matter(case):
+def test_points_far_outside_the_bounds_do_not_matter(case):
     rng = np.random.default_rng(1)
     far = rng.normal(size=(2000, 3)) * 0.1 + [40.0, -30.0, 20.0]
     plain = [view.crop(case.scene.bounds) for view in case.views]

@@ -115,7 +115,7 @@ def test_a_crossing_elsewhere_is_not_the_true_one(rope):
     assert measure_chains([chain], [rope], R).crossings == Crossings(found=1, true=1, right=0)
 
 
-def test_crossings_are_told_by_arc_length_and_height(rope):
+def test_crossings_have_arc_lengths_and_heights(rope):
     ((low, high, rise),) = find_crossings(resampled(rope))
     lengths = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(rope, axis=0), axis=1))]
     at = [[np.interp(s, lengths, rope[:, k]) for k in range(3)] for s in (low, high)]

@@ -63,7 +63,7 @@ def test_chains_and_curves_show_themselves_in_one_line():
     assert repr(curve) == "Curve(110.0 mm, 14 control points)"
 
 
-def test_what_a_reconstruction_of_many_nodes_shows_is_short(paper_model):
+def test_a_model_of_many_nodes_prints_itself_shortly(paper_model):
     assert len(repr(paper_model).splitlines()) == 2
     assert len(repr(paper_model)) < 250
     assert len(repr(paper_model.chains[0].curve).splitlines()) == 1

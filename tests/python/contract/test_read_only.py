@@ -77,7 +77,7 @@ def give_as(kind, array, folder):
 
 
 @pytest.mark.parametrize("kind", ["array", "memmap", "subclass", "lent"])
-def test_what_the_caller_does_with_its_array_later_changes_nothing(kind, tmp_path):
+def test_later_changes_of_a_callers_array_change_nothing(kind, tmp_path):
     points, theirs = give_as(kind, np.arange(12.0).reshape(4, 3), tmp_path)
     view, chain = View(points), Chain(points, 0.1)
     length = chain.length

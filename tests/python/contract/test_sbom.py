@@ -16,7 +16,7 @@ def document(request):
     return sbom.make_document(request.param)
 
 
-def test_what_is_compiled_in_is_listed_and_nothing_else(document):
+def test_all_compiled_parts_are_listed_and_nothing_else(document):
     names = {component["name"] for component in document["components"]}
     assert names >= {"pyo3", "numpy", "rayon", "nalgebra", "rust-std", "ziglang"}
     # of benches and tests, of the build, macros, other systems
@@ -31,7 +31,7 @@ def test_each_crate_has_its_licence_and_the_checksum_of_the_lock_file(document):
             assert component["hashes"][0]["content"] in lock
 
 
-def test_dependencies_are_between_what_is_listed(document):
+def test_dependencies_are_between_listed_parts(document):
     listed = {component["bom-ref"] for component in document["components"]}
     root = document["metadata"]["component"]["bom-ref"]
     links = {entry["ref"]: set(entry["dependsOn"]) for entry in document["dependencies"]}
