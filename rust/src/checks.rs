@@ -15,7 +15,7 @@ pub(crate) fn check_finite(name: &'static str, points: &[[f64; 3]]) -> Result<()
     }
 }
 
-/// Refuses a length that is not above zero, or as large as no coordinate may be.
+/// Refuses a length unless it is above zero and below the limit of coordinates.
 pub(crate) fn check_positive(name: &'static str, value: f64) -> Result<()> {
     if value > 0.0 && value < LARGEST {
         Ok(())

@@ -62,8 +62,8 @@ struct GivenUp;
 
 /// Sets how many threads the kernels use from now on, at most 256; 0 means one for each core.
 ///
-/// Results do not depend on it. Until this is called, the environment variable `STRAND_NUM_THREADS` applies if it is a
-/// whole number; otherwise there is one thread for each core.
+/// Results do not depend on the number. Before the first call, the environment variable `STRAND_NUM_THREADS` sets it.
+/// Without that, or if it is no whole number, there is one thread for each core.
 pub fn set_num_threads(threads: usize) {
     WANTED_THREADS.store(threads.min(MAX_THREADS), Ordering::Relaxed);
 }

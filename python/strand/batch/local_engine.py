@@ -1,7 +1,7 @@
 """The local engine: processes of this machine, one unit at a time each.
 
-The pool of the standard library has three faults here. It breaks as a whole when one process dies, it does
-not tell on which unit, and its processes outlive a killed driver. With one pipe per worker, a closed pipe
+The standard library's `ProcessPoolExecutor` does not fit. It breaks as a whole when one process dies, does
+not say on which unit, and its processes outlive a killed driver. With one pipe per worker, a closed pipe
 tells us who died, and on which unit. It also tells a worker that its driver has died.
 """
 

@@ -14,8 +14,8 @@ def elastica(chain: Line, spacing: float | None = None) -> dict[str, Any]:
     """Return the geometry of a PyElastica rod: arguments of `CosseratRod.straight_rod`, or of `ring_rod`.
 
     Add the material: `CosseratRod.straight_rod(**elastica(chain), density=1000.0, youngs_modulus=1e6)`. The
-    rod lies where the rope was measured, and would be straight at rest. For one that rests as it lies, call
-    `rod.compute_internal_forces_and_torques(0.0)`, then set `rod.rest_kappa[:] = rod.kappa`.
+    rod starts in the measured shape, but its rest shape is straight. To make the measured shape its rest
+    shape, call `rod.compute_internal_forces_and_torques(0.0)`, then set `rod.rest_kappa[:] = rod.kappa`.
 
     Parameters
     ----------

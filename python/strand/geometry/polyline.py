@@ -52,10 +52,10 @@ def find_runs(marked: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def order_segments(count: int, joins: Sequence[tuple[int, int]]) -> list[tuple[list[int], bool]]:
-    """Order segments that are joined to ropes by pairs of ends; no end is in two pairs.
+    """Order the segments of each rope. `joins` are pairs of ends; no end is in two pairs.
 
-    Returns for each rope the ends at which its segments are entered, in order (2k: segment k forwards,
-    2k + 1: backwards), and whether the last segment is joined to the first.
+    End 2k is the start of segment k, end 2k + 1 its stop. For each rope, the function returns the ends at
+    which a walk along it enters the segments, and whether the last segment is joined to the first.
     """
     graph = rx.PyGraph()
     graph.add_nodes_from(range(2 * count))

@@ -52,8 +52,8 @@ def write_report(
 ) -> None:
     """Write a self-contained HTML page of at most 5 MB about a reconstruction.
 
-    - A 3D view shows the points by view, the chains by arc length or standard deviation, unseen stretches,
-      ends, crossings, doubts, joins, cameras and the next view.
+    - A 3D view shows the points by view, and the chains by arc length or standard deviation. It also shows
+      unseen stretches, ends, crossings, doubts, joins, cameras and the next view.
     - The chains are drawn over each depth image.
     - Tables list the chains, crossings, doubts and warnings, views and stages.
 

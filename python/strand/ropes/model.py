@@ -300,10 +300,10 @@ class Model:
     def contacts(self, distance: float, direction: ArrayLike = (0, 0, 1)) -> tuple[Contact, ...]:
         """Find where strands lie near each other without crossing.
 
-        Each stretch along which two strands are near is one contact. A stretch belongs to a crossing as far
-        as the strands separate by at least a third of what straight ones of its angle do. Two legs of a bend
-        are separate strands if the rope between them is longer than a half circle from one to the other,
-        drawn as far apart as `distance` allows.
+        Each stretch along which two strands are near is one contact. A stretch belongs to a crossing while
+        the strands are at least a third as far apart as straight ones at the same angle. Two legs of a bend
+        are separate strands if the rope between them is longer than a half circle. Its diameter is the sum
+        of both radii and `distance`.
 
         Parameters
         ----------
@@ -381,9 +381,9 @@ class Model:
 
         There are four moves. A stretch that lies freely on another one is lifted off. An end next to a
         crossing goes back over it, or is pulled out beneath it, or the strand above is lifted over the end.
-        The first move has the least effort for each crossing that it undoes: the length of its way, twice
-        that for an end that is pulled out, three times for a strand that is lifted over an end, plus eight
-        times the length of an end without room to lie straight.
+        The first move has the least effort for each crossing that it undoes. The effort is the length of its
+        way. An end that is pulled out counts twice, a strand that is lifted over an end three times. The
+        length of an end without room to lie straight is added eight times.
 
         This takes apart loose open ropes. Of rings only loops are lifted. How much a tight knot resists is
         unknown.

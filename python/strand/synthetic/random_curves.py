@@ -37,10 +37,10 @@ def random_ropes(
 ) -> tuple[Array, ...]:
     """Draw random ropes on the table z = 0 that cross a given number of times.
 
-    The function draws plans of random bends until they have the given number of crossings, of one rope with
-    itself or with another. The upper strand of each crossing is random too, so that knots occur. Strands
-    touch at some crossings, but never cut through each other: their axes are at least 2 radii apart. No bend
-    is tighter than 2.5 radii.
+    Seen from above, the ropes are random bends. The function draws them again until they have the given
+    number of crossings; a rope may cross itself or another one. The upper strand of each crossing is random
+    too, so that knots occur. Strands touch at some crossings, but never cut through each other: their axes
+    are at least 2 radii apart. No bend is tighter than 2.5 radii.
 
     Parameters
     ----------

@@ -71,8 +71,8 @@ fn rotate(a: &mut [[f64; 3]; 3], v: &mut [[f64; 3]; 3], p: usize, q: usize) {
 
 /// Finds the unit eigenvectors of the smallest eigenvalues of eight positive semidefinite matrices.
 ///
-/// Also returns each eigenvalue's share of the trace, and whether both are accurate to rounding. They are if the two
-/// smallest eigenvalues differ by at least a thousandth of the largest and the steps below sufficed.
+/// Also returns each eigenvalue's share of the trace, and whether vector and share are accurate to rounding. They are
+/// if the two smallest eigenvalues differ by more than a thousandth of the largest and the residual is only rounding.
 ///
 /// Newton's iteration on the characteristic polynomial finds the eigenvalue from below. The adjugate of A − λ gives its
 /// eigenvector. Two steps of Rayleigh's iteration, again by the adjugate, make both exact.

@@ -1,8 +1,9 @@
 //! Source points and their nearest target points, kept from pose to pose.
 //!
-//! A search for a partner also gives a lower bound of the distance to every other target point. While the source point
-//! has moved less than that bound allows, its partner stays the nearest. After that, the nearest may be one of a few
-//! listed target points. Only a source point that has moved farther than the bound of all others needs a new search.
+//! A search finds the nearest target point (the partner), a short list of near points, and two bounds. All points but
+//! the partner are farther than the first bound, all unlisted points farther than the second. A partner stays while the
+//! source point's motion leaves the first bound valid. After that only the list is compared, while the second is valid.
+//! Then a new search is needed.
 
 mod partners;
 mod search;

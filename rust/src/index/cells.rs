@@ -1,9 +1,9 @@
 //! Points sorted once by the cells of a uniform grid.
 //!
-//! Only cells with points are kept, in order of their keys. The lowest part of a key is the cell's number along the
-//! cloud's longest axis inside a block of cells, so neighbours along that axis are one run of points. The highest part
-//! is the block, so points that are near in space are near in memory. Each axis has its own list of coordinates, so
-//! that runs are copied and tested eight at a time.
+//! Only cells with points are kept, in order of their keys. The high bits of a key are the number of a block of cells,
+//! so points that are near in space are near in memory. The low bits are the cell's number in its block along the
+//! cloud's longest axis, so neighbours along that axis are one run of points. Each axis has its own list of
+//! coordinates, so the searches copy and test eight points of a run at a time.
 
 pub mod batches;
 pub mod sweep;

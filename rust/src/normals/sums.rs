@@ -72,7 +72,7 @@ impl Sums {
         self.smallest = 1e-3 * frame.extent * frame.extent;
     }
 
-    /// Adds the terms from one number up to another, in the lanes of the first half, the second, or both.
+    /// Adds the terms `FROM..TO` of all near points, in the first half of the lanes, the second half, or both.
     #[inline(always)]
     fn add_terms<S: Simd, const FIRST: bool, const SECOND: bool, const FROM: usize, const TO: usize>(
         &mut self,

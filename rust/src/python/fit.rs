@@ -79,8 +79,8 @@ const _: () = {
 ///     Number of points that count as one because neighbouring pixels share errors: errors along the viewing rays, and
 ///     across them. It only widens standard deviations and covariances; 1 means independent noise.
 /// bounds : (2, 3) array_like of float, optional
-///     Extraction range: low and high corner, metres. Noise moves points out of it but none into it, so points are
-///     dropped whose place on the tube lies within two standard deviations of its faces.
+///     Extraction range: low and high corner, metres. Noise moves points out of it but none into it, so the fit
+/// drops points whose place on the tube lies within two standard deviations of its faces.
 /// end_observations : sequence of EndObservation
 ///     Ends of ropes that views see; they fix straight ropes along themselves.
 /// previous : TubeFit, optional

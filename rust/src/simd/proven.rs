@@ -2,8 +2,8 @@
 
 /// Defines methods of a token, or of numbers that a token made, whose bodies are compiled for the given features.
 ///
-/// In a body the features' intrinsics are safe, except those that read or write through pointers. A token is not
-/// visible in the body of its method; numbers have the name of the first argument.
+/// In a body the features' intrinsics are safe, except those that read or write through pointers. The body of a
+/// token's method cannot use `self`. The body of a method of numbers sees them under the name of the first argument.
 macro_rules! proven {
     ($features:literal;) => {};
     (

@@ -120,7 +120,7 @@ fn tube(count: u32) -> Vec<Point> {
         .collect()
 }
 
-/// Writes out all results of the kernels for a cloud, which shows every bit.
+/// Returns the results of all kernels for a cloud as text that shows every bit.
 fn answers(points: &[Point]) -> Vec<String> {
     let mut answers = Vec::new();
     let mut note = |answer: &dyn Debug| answers.push(format!("{answer:?}"));

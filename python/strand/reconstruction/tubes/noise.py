@@ -206,9 +206,9 @@ def find_correlation_length(correlations: Sequence[float], followed: float) -> t
 def estimate_followed_share(length: float, radius: float, spacing: float) -> float:
     """Return the share of neighbours' squared differences that a curve fitted to one view follows.
 
-    In smoothed noise, waves longer than two spans along the rope have the share erf(x) - 2 x exp(-x^2) /
-    sqrt(pi) of them, with x pi times the smoothing's standard deviation over the span. A part of these waves
-    moves the curve. The arguments are those of `count_shared_points`.
+    Let x be pi times the smoothing's standard deviation over the span. In smoothed noise, waves longer than
+    two spans along the rope hold the share erf(x) - 2 x exp(-x^2) / sqrt(pi) of the squared differences. A
+    part of these waves moves the curve. The arguments are those of `count_shared_points`.
     """
     x = math.pi * length / (spacing * radius)
     return _FOLLOWED * (math.erf(x) - 2.0 * x * math.exp(-x * x) / math.sqrt(math.pi))

@@ -32,8 +32,8 @@ _WRONG_COUNT = 30.0  # cost of each rope above or below the known number
 def price_explanation(fit: TubeFit, visibility: Visibility | None) -> float:
     """Return the cost of an explanation of the points, in radii of rope.
 
-    It adds up the length of rope that the unexplained points would make, bending energy, a price for each
-    rope, and one for rope where there can be none.
+    The cost is the length of rope that the unexplained points would make, plus the bending energy. Each rope
+    has a price, and so has rope where there can be none.
     """
     r = fit.radius(0)
     parts = [part for part in find_extents(fit, exclusive=False) if part is not None]

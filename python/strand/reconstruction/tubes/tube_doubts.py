@@ -38,9 +38,9 @@ def find_tube_doubts(
 ) -> tuple[Doubt, ...]:
     """Return the doubts about an answer, the greatest first.
 
-    It doubts joins with small margins, rivals that cost hardly more, ends beyond which the rope may go on
-    unseen, segments in no rope, points on no rope, noise that is wide against the ropes, and given numbers
-    without which the points would be explained better.
+    Reasons for doubt are joins with small margins, rivals that cost hardly more, and ends beyond which the
+    rope may go on unseen. Others are segments or points on no rope, and noise that is wide against the ropes.
+    The last is a given number, if an answer that ignores it explains the points better.
 
     Parameters
     ----------

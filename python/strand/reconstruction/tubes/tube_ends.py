@@ -103,9 +103,9 @@ def estimate_end_deviations(
 ) -> tuple[float, float]:
     """Return the standard deviations of a rope's start and stop along itself, metres; a radius if unseen.
 
-    In each view an end is uncertain by a pixel's width over the square root of 12, as rows of pixels may end
-    together, and by its shape (`estimate_excess`). Only the former is independent from view to view. Views
-    are weighted by their points near the end.
+    In each view an end is uncertain for two reasons. Rows of pixels may end together: a pixel's width over
+    the square root of 12. The end's shape is unknown (`estimate_excess`). Only the first is independent from
+    view to view. Each view counts by its points near the end.
 
     Parameters
     ----------

@@ -47,10 +47,10 @@ pub struct ImageFit {
 }
 
 impl ImageFit {
-    /// Replaces the ropes' nodes; each new node gets the covariance of the nearest old one.
+    /// Returns the fit with new nodes; each gets the covariance of the nearest old node.
     ///
-    /// Also returns the pairs of places at crossings, moved to the new ropes, without those that left them. `radius` is
-    /// the ropes' radius, metres.
+    /// Also returns the pairs of places at crossings, moved to the new nodes. A pair is dropped if a place has no
+    /// new node within `radius`, the ropes' radius in metres.
     pub fn through(
         &self,
         nodes: &[Vec<Point>],

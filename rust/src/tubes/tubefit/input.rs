@@ -83,11 +83,11 @@ pub struct TubeFitOptions {
     pub min_bend: f64,
     /// Standard deviation of the sensor's noise along the viewing rays, metres; None estimates it from the residuals.
     pub noise: Option<f64>,
-    /// Number of points that count as one because neighbouring pixels share errors: errors along the viewing rays, and
-    /// across them. It only widens the uncertainty; 1 means independent noise.
+    /// How many points count as one, because neighbouring pixels share errors. The first number is for errors along the
+    /// viewing rays, the second for errors across them. Both only widen the uncertainty; 1 means independent noise.
     pub shared: [f64; 2],
-    /// Extraction range: low and high corner, metres. Noise moves points out of it but none into it, so points are
-    /// dropped whose place on the tube lies within two standard deviations of its faces.
+    /// Extraction range: low and high corner, metres. Noise moves points out of it but none into it, so the fit
+    /// drops points whose place on the tube lies within two standard deviations of its faces.
     pub bounds: Option<[Point; 2]>,
     /// Whether to compute the uncertainty, and to hold views at the reported poses in directions that the data do not
     /// fix.
