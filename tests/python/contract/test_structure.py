@@ -64,9 +64,6 @@ MAX_PAGE_LINES = {
 MAX_DOCUMENTATION_LINES = 3200  # of all pages at the root and in docs/
 SHARED_STEMS = {"__init__", "method"}  # modules that several folders of reconstruction/ may have
 
-# checks that do not hold yet
-PENDING = {"long files"}
-
 Graph = dict[str, set[str]]
 
 
@@ -411,8 +408,7 @@ CHECKS = {
 
 @pytest.mark.parametrize("check", CHECKS)
 def test_the_layout_holds(check):
-    wrong = CHECKS[check]()
-    assert check in PENDING or wrong == []
+    assert CHECKS[check]() == []
 
 
 def test_imports_are_found():

@@ -17,14 +17,14 @@ from strand.reconstruction.tubes.view_bias import find_bias_doubts
 def answered():
     """What was observed in a scene without errors, and the answer."""
     taken = []
-    whole = default._find
+    whole = default._find_in_used_views
     with pytest.MonkeyPatch.context() as patch:
 
         def kept(observed, config, run):
             taken.append((observed, whole(observed, config, run)))
             return taken[-1][1]
 
-        patch.setattr(default, "_find", kept)
+        patch.setattr(default, "_find_in_used_views", kept)
         scene = strand.synthetic.scene("arc", seed=0, views=5, noise=strand.synthetic.Noise(depth=0.3e-3))
         strand.reconstruct(scene.views, scene.radius, scene.bounds)
     (observed, found), *_ = taken
