@@ -16,7 +16,7 @@ unshare --net --map-root-user bash -euo pipefail -c '
     "$0" -m pip wheel --quiet --no-index --no-deps --no-build-isolation --wheel-dir wheels .
     "$0" -m pip install --quiet --no-index --no-deps --target installed wheels/*.whl
     PYTHONPATH=$PWD/installed "$0" -m pytest -p no:cacheprovider --ignore tests/python/kernels/test_open3d.py \
-        tests/python/kernels tests/python/ropes/test_chain.py tests/python/views/test_{pose,view}.py
+        tests/python/kernels tests/python/geometry/test_line.py tests/python/views/test_{pose,view}.py
     cargo test --locked --quiet
 ' "$python"
 echo "offline.sh: built and tested without a network"

@@ -46,7 +46,7 @@ class Crossings:
 
 @dataclass(frozen=True)
 class Measure:
-    """How well chains match ropes.
+    """Match of chains and ropes.
 
     Attributes
     ----------

@@ -20,13 +20,13 @@ SECTION = re.compile(r"\n(?:Parameters|Raises)\n-+\n")
 FIELD = re.compile(r"^(\w+) : .+\n((?: {4}.+\n?)+)", re.MULTILINE)
 
 
-def said(kind: type) -> tuple[str, dict[str, str]]:
-    """What a dataclass's docstring says of itself, and of each field."""
+def read_docstring(kind: type) -> tuple[str, dict[str, str]]:
+    """Return a dataclass's summary and the text of each field."""
     text, fields = SECTION.split(inspect.getdoc(kind) or "")[:2]
-    return escaped(text), {name: escaped(words) for name, words in FIELD.findall(fields)}
+    return escape(text), {name: escape(words) for name, words in FIELD.findall(fields)}
 
 
-def shown(default: object, meaning: str) -> str:
+def format_default(default: object, meaning: str) -> str:
     """Write a default as a table shows it: angles in degrees too."""
     if default is None:
         return "none"
@@ -37,20 +37,23 @@ def shown(default: object, meaning: str) -> str:
     return repr(default)
 
 
-def table(kind: type, names: list[str]) -> str:
+def format_table(kind: type, names: list[str]) -> str:
     """Rows for some fields of a dataclass: name, default, meaning."""
-    meanings = said(kind)[1]
+    meanings = read_docstring(kind)[1]
     defaults = {entry.name: entry.default for entry in dataclasses.fields(kind)}
-    rows = [f"| `{name}` | {shown(defaults[name], meanings[name])} | {meanings[name]} |" for name in names]
+    rows = [
+        f"| `{name}` | {format_default(defaults[name], meanings[name])} | {meanings[name]} |"
+        for name in names
+    ]
     return "\n".join(["| field | default | meaning |", "|---|---|---|", *rows])
 
 
-def escaped(text: str) -> str:
+def escape(text: str) -> str:
     """Text of a docstring as one line of Markdown."""
     return " ".join(text.split()).replace("*", r"\*")
 
 
-def written(page: str) -> str:
+def rewrite(page: str) -> str:
     """Return the page with its tables made anew; what stands above them stays."""
     head, found, _ = page.partition(MADE)
     if not found:
@@ -61,15 +64,17 @@ def written(page: str) -> str:
         if entry.default is dataclasses.MISSING
     }
     alone = [entry.name for entry in dataclasses.fields(Config) if entry.name not in sections]
-    parts = [table(Config, alone)]
+    parts = [format_table(Config, alone)]
     for name, kind in sections.items():
         names = [entry.name for entry in dataclasses.fields(kind)]
-        parts.append(f"## `{name}`: {kind.__name__}\n\n{said(kind)[0]}\n\n{table(kind, names)}")
+        parts.append(
+            f"## `{name}`: {kind.__name__}\n\n{read_docstring(kind)[0]}\n\n{format_table(kind, names)}"
+        )
     return head + MADE + "\n" + "\n\n".join(parts) + "\n"
 
 
 def main() -> int:
-    PAGE.write_text(written(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    PAGE.write_text(rewrite(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
     return 0
 
 

@@ -1,4 +1,4 @@
-"""How griffe, which reads docstrings for the site, is to understand habits of strand's."""
+"""Teach griffe, which reads docstrings for the site, the habits of strand."""
 
 from __future__ import annotations
 

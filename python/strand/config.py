@@ -74,7 +74,7 @@ class Filter(_Section):
 
 @dataclass(frozen=True)
 class Known(_Section):
-    """How exact the given radius and lengths are; the published method takes the radius as it is.
+    """Uncertainty of the given radius and lengths; the published method takes the radius as it is.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class Known(_Section):
 
 @dataclass(frozen=True)
 class Poses(_Section):
-    """How exact the reported poses are: the default method corrects them within these limits.
+    """Uncertainty of the reported poses: the default method corrects them within these limits.
 
     Parameters
     ----------

@@ -89,12 +89,12 @@ pub enum Widest {
 
 /// The widest set, as one of the numbers below. Numbers of sets that the processor lacks never appear.
 static WIDEST: AtomicU8 = AtomicU8::new(NOT_ASKED);
-const NOT_ASKED: u8 = 0;
-const PORTABLE: u8 = 1;
+const NOT_ASKED: u8 = 0; // the processor was not asked yet
+const PORTABLE: u8 = 1; // what every processor has
 #[cfg(target_arch = "x86_64")]
-const AVX2: u8 = 2;
+const AVX2: u8 = 2; // eight lanes of 32 bits
 #[cfg(target_arch = "x86_64")]
-const AVX512: u8 = 3;
+const AVX512: u8 = 3; // sixteen lanes of 32 bits
 
 /// Returns the token of the widest instructions that the processor has.
 #[inline(always)]

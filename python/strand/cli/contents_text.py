@@ -132,7 +132,7 @@ def _describe_scene(scene: SceneContents) -> list[Row]:
         *_describe_intrinsics(views),
         *_describe_points(views),
         Row("masks", _describe_masks(views)),
-        Row("colours", _share_of_views(sum(view.colors for view in views), len(views))),
+        Row("colours", _describe_share(sum(view.colors for view in views), len(views))),
         Row("radius", "not given" if scene.radius is None else f"{scene.radius * 1e3:.3g} mm"),
         Row("bounds", "not given" if scene.bounds is None else f"{scene.bounds}"),
     ]
@@ -246,10 +246,10 @@ def _describe_masks(views: Sequence[ViewSummary]) -> str:
         return "none"
     inside = sum(view.points_in_mask or 0 for view in views)
     most = f"up to {max(labels)} {_inflect('label', max(labels))}"
-    return f"{_share_of_views(len(labels), len(views))}; {most}; {inside} points inside"
+    return f"{_describe_share(len(labels), len(views))}; {most}; {inside} points inside"
 
 
-def _share_of_views(count: int, views: int) -> str:
+def _describe_share(count: int, views: int) -> str:
     return "none" if not count else f"{count} of {views} {_inflect('view', views)}"
 
 

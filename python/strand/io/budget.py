@@ -8,6 +8,8 @@ from pathlib import Path
 from strand.support.files import FileFormatError, read_bytes
 
 MAX_BYTES = 1 << 32  # default limit, bytes
+VIEW_BYTES = 4096  # bytes of a view beside its arrays
+MAX_HEADER = 1 << 16  # longest header of a point cloud, bytes
 
 
 class Budget:

@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.io.budget import Budget
+from strand.io.budget import MAX_HEADER, Budget
 from strand.io.lzf import MAX_GROWTH, decompress
 from strand.io.point_cloud import PointCloud
 from strand.io.text_rows import is_long_enough, read_rows, split_lines
 from strand.support.files import FileFormatError
 
-MAX_HEADER = 1 << 16  # longest header, bytes
 KEYS = ("VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA")
 TYPES = {  # NumPy's name of each TYPE and SIZE
     **{("F", "4"): "<f4", ("F", "8"): "<f8"},

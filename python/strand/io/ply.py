@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.io.budget import Budget
+from strand.io.budget import MAX_HEADER, Budget
 from strand.io.point_cloud import PointCloud, scale_colors
 from strand.io.text_rows import is_long_enough, read_rows, split_lines
 from strand.support.files import FileFormatError
 
-MAX_HEADER = 1 << 16  # longest header, bytes
 # NumPy's mark of each byte order
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 TYPES = {  # NumPy's name of each type

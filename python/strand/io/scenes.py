@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.io.budget import MAX_BYTES, Budget
+from strand.io.budget import MAX_BYTES, VIEW_BYTES, Budget
 from strand.io.images import read_color
 from strand.io.npy import Archive
 from strand.io.point_cloud import PointCloud
@@ -25,7 +25,6 @@ from strand.views.box import Bounds, make_box
 from strand.views.view import View
 
 _TRUTH = re.compile(r"truth_[0-9]{1,9}")
-_VIEW = 4096  # bytes of a view beside its arrays
 _DEPTH = 8  # bytes of a pixel's depth (float64)
 _MASK = 4  # bytes of a pixel's label (int32)
 _COLOR = 24  # bytes of a pixel's colour (three float64)
@@ -205,7 +204,7 @@ def _load_archive(path: Path, masks: Sequence[Path] | None, budget: Budget) -> S
     depth = arrays.get("depth", np.empty(0))
     if depth.ndim == 3:
         color = _COLOR if "color" in arrays else 0
-        budget.take(path, len(depth) * _VIEW + depth.size * (_DEPTH + _MASK + color), "depth")
+        budget.take(path, len(depth) * VIEW_BYTES + depth.size * (_DEPTH + _MASK + color), "depth")
     if masks is not None and depth.ndim == 3:
         require_one_each(masks, len(depth))
         labels = [read_mask(one, image.shape, budget) for one, image in zip(masks, depth, strict=True)]
@@ -313,12 +312,12 @@ def _load_view(files: Mapping[str, Path], pose: Array, description: Description,
     colors = read_color(files["color"], budget) if "color" in files else None
     try:
         if isinstance(seen, PointCloud):
-            budget.take(path, _VIEW + seen.numbers * _DEPTH)
+            budget.take(path, VIEW_BYTES + seen.numbers * _DEPTH)
             for key, what in (("color", "colour images"), ("mask", "masks")):
                 if key in files:
                     raise ValueError(f"{key}: only depth images have {what}")
             return seen.make_view(pose)
-        budget.take(path, _VIEW + seen.size * (_DEPTH if colors is None else _DEPTH + _COLOR))
+        budget.take(path, VIEW_BYTES + seen.size * (_DEPTH if colors is None else _DEPTH + _COLOR))
         scale = None
         if seen.dtype == np.uint16:
             if description.depth_scale is None:

@@ -10,14 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand.io.budget import Budget
+from strand.io.budget import VIEW_BYTES, Budget
 from strand.io.point_cloud import PointCloud
 from strand.io.view_files import read_mask, read_view_file, require_one_each
 from strand.support.checks import Array, check_bool, check_intrinsics, check_positive, check_small_array
 from strand.support.files import FileFormatError
 from strand.views.view import View
 
-_VIEW = 4096  # bytes of a view beside its arrays
 _FLOAT = 8  # bytes of a number in its arrays
 
 
@@ -69,7 +68,7 @@ def read_single_view(path: Path, camera: KnownCamera, masks: Sequence[Path] | No
     seen = read_view_file(path, budget)
     if isinstance(seen, PointCloud):
         viewpoint = _find_viewpoint(path, seen, camera, masks)
-        budget.take(path, _VIEW + _FLOAT * seen.numbers)
+        budget.take(path, VIEW_BYTES + _FLOAT * seen.numbers)
         with _name_file(path):
             return seen.make_view(np.eye(4)) if viewpoint is None else seen.make_view_from(viewpoint)
     camera.refuse(f"{path} is a depth image, always in its camera's frame", "viewpoint", "camera_frame")
@@ -87,7 +86,7 @@ def read_single_view(path: Path, camera: KnownCamera, masks: Sequence[Path] | No
     if masks is not None:
         require_one_each(masks, 1)
         mask = read_mask(masks[0], seen.shape, budget)
-    budget.take(path, _VIEW + _FLOAT * seen.size)
+    budget.take(path, VIEW_BYTES + _FLOAT * seen.size)
     with _name_file(path):
         return View.from_depth(seen, camera.intrinsics, depth_scale=camera.depth_scale, mask=mask)
 

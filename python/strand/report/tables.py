@@ -175,8 +175,8 @@ def describe_accuracy(model: Model, truth: Sequence[ArrayLike]) -> str:
     The longest chain is compared with the longest centreline, and so on; the rest is skipped.
     """
     lines = []
-    centrelines = sorted(truth, key=_measure_length, reverse=True)
-    for i, (chain, true) in enumerate(zip(model.chains, centrelines, strict=False)):
+    centerlines = sorted(truth, key=_measure_length, reverse=True)
+    for i, (chain, true) in enumerate(zip(model.chains, centerlines, strict=False)):
         error = measure_accuracy(chain, true)
         lines.append(
             f"rope {i}: length {chain.length * 1e3:.1f} mm, truth {_measure_length(true) * 1e3:.1f} mm "

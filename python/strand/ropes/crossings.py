@@ -240,11 +240,11 @@ def _find_touches(
     a, b = order[:-1], order[1:]
     same = (which[a] == which[b]).all(axis=1) & (turns[a] != turns[b])
     same &= (np.abs(at[a] - at[b]) <= _SAME_PLACE * length[which[a]]).all(axis=1)
-    cancelled = np.zeros(len(at), dtype=bool)
+    canceled = np.zeros(len(at), dtype=bool)
     for k in np.flatnonzero(same):
-        if not cancelled[a[k]]:
-            cancelled[[a[k], b[k]]] = True
-    return cancelled
+        if not canceled[a[k]]:
+            canceled[[a[k], b[k]]] = True
+    return canceled
 
 
 def _refine(chains: Sequence[Line], which: NDArray[np.intp], at: Array, basis: Array) -> Array:

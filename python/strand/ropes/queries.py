@@ -12,7 +12,7 @@ from strand.support.checks import Array
 
 @dataclass(frozen=True, eq=False)
 class RayHits:
-    """Where each of N rays first meets a tube.
+    """First hits of N rays on the tubes.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class RayHits:
 
 @dataclass(frozen=True, eq=False)
 class SweepHits:
-    """When each of N moving bodies touches a tube, and how near it comes.
+    """First contacts of N moving bodies with the tubes, and their least distances.
 
     Attributes
     ----------

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from strand.support.checks import Array, check_bool, check_integer
 from strand.synthetic.camera import Camera, camera_pose, find_least_distance, spread_azimuths
-from strand.synthetic.noise import Noise, sense
+from strand.synthetic.noise import DEFAULT_FLYING, Noise, sense
 from strand.synthetic.objects import Ball, Box, Cylinder, Object, add_objects
 from strand.synthetic.random_curves import random_ropes
 from strand.synthetic.rendering import render_depth
@@ -18,7 +18,6 @@ from strand.views.pose import moved
 
 _CAMERA = Camera(size=(640, 480))
 _DEPTH_SD = 0.001  # metres: noise of the depths
-_FLYING = 0.05  # fraction of the pixels at steps in depth that fly
 _POSE_NOISE = Noise(turn=math.radians(0.4), shift=0.001)
 _RADII = (0.0035, 0.006)  # metres: range of the rope's radius
 _DISTANCES = (0.5, 0.75)  # metres: range of the cameras' distance from the origin
@@ -93,7 +92,14 @@ def cluttered_scene(seed: int = 0, *, views: int | None = None, rope: bool = Tru
     else:
         objects = []
     images = [
-        sense(depth, noise=_DEPTH_SD, flying=_FLYING, step=radius, depth_scale=_CAMERA.depth_scale, rng=rng)
+        sense(
+            depth,
+            noise=_DEPTH_SD,
+            flying=DEFAULT_FLYING,
+            step=radius,
+            depth_scale=_CAMERA.depth_scale,
+            rng=rng,
+        )
         for depth in render([nodes] if rope else [], objects)
     ]
     reported = _POSE_NOISE.misplace(poses, rng)

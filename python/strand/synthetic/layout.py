@@ -18,7 +18,7 @@ _LEAST_DISTANCE = 76.0  # radii, from a camera to the origin: 0.32 m for a rope 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where a scene's cameras, wall and bars are.
+    """Places of a scene's cameras, wall and bars.
 
     Attributes
     ----------

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from strand.support.checks import Array, check_finite_array, check_nonnegative, check_positive
 
+DEFAULT_FLYING = 0.05  # fraction of the pixels at steps in depth that fly
+
 
 @dataclass(frozen=True)
 class Noise:

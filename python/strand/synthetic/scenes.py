@@ -20,7 +20,7 @@ from strand.support.files import write_bytes
 from strand.support.robust import estimate_deviation
 from strand.synthetic.camera import Camera, find_device
 from strand.synthetic.layout import Layout
-from strand.synthetic.noise import Noise, make_plane_rotation, sense
+from strand.synthetic.noise import DEFAULT_FLYING, Noise, make_plane_rotation, sense
 from strand.synthetic.rendering import check_rope, render_depth
 from strand.synthetic.segmentation import Segmentation
 from strand.synthetic.shapes import LONGEST, default_length, lay_shape
@@ -30,7 +30,6 @@ _SQUEEZE = 0.03  # largest relative stretch of a shape's plan along one axis; it
 _SHIFT = 3.0  # radii: largest shift of a shape from the middle in x and in y
 _MAX_VIEWS = 10_000  # images of a scene
 _DEPTH_SD = 0.0007  # metres: default noise of a camera that imitates no device
-_FLYING = 0.05  # default fraction of the pixels at steps that fly
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +220,7 @@ def scene(
             image = sense(
                 exact,
                 noise=depth_sd,
-                flying=_FLYING if noise.flying is None else noise.flying,
+                flying=DEFAULT_FLYING if noise.flying is None else noise.flying,
                 step=radius,
                 depth_scale=camera.depth_scale,
                 rng=sensor,

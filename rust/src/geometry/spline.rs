@@ -101,7 +101,7 @@ impl Spline {
     /// # Ok::<(), strand::Error>(())
     /// ```
     pub fn through(nodes: &[Point], spacing: f64, extension: f64) -> Result<Self> {
-        const SMOOTHING: f64 = 1e-3;
+        const SMOOTHING: f64 = 1e-3; // weight of the bending against the distances from the nodes
         check_finite("nodes", nodes)?;
         check_positive("spacing", spacing)?;
         if !(0.0..1e6).contains(&extension) {

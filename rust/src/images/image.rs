@@ -217,7 +217,7 @@ pub fn find_blobs(image: &Image<bool>, of: bool, diagonal: bool) -> Blobs {
 
 /// Returns the first position from `from` on with a value, or the length if there is none.
 fn find_next(values: &[bool], from: usize, value: bool) -> usize {
-    const MANY: usize = 32;
+    const MANY: usize = 32; // values that are looked at together
     let mut at = from;
     // without an early exit, many at once
     while at + MANY <= values.len() && !values[at..at + MANY].iter().fold(false, |any, &v| any | (v == value))

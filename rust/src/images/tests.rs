@@ -5,13 +5,13 @@ use super::silhouette::Silhouette;
 use super::surroundings::{Shown, Surroundings};
 
 const RADIUS: f64 = 0.004;
-const RR: f64 = 8.0;
+const RADIUS_PX: f64 = 8.0; // the ropes\' radius, pixels
 const WIDTH: usize = 200;
 const HEIGHT: usize = 120;
 
 /// Returns the depth and the mask of a straight rope at row 60 on a tilted table, with some noise.
 fn rope() -> (Vec<f64>, Vec<bool>) {
-    let inside = |k: usize| ((k / WIDTH) as f64 - 60.0).abs() < RR && (20..180).contains(&(k % WIDTH));
+    let inside = |k: usize| ((k / WIDTH) as f64 - 60.0).abs() < RADIUS_PX && (20..180).contains(&(k % WIDTH));
     let depth = (0..WIDTH * HEIGHT)
         .map(|k| {
             let table = 1.0 / (2.0 + 1e-3 * (k % WIDTH) as f64 + 5e-4 * (k / WIDTH) as f64);
@@ -23,7 +23,7 @@ fn rope() -> (Vec<f64>, Vec<bool>) {
 }
 
 fn surroundings(depth: &[f64], mask: &[bool]) -> (Silhouette, Surroundings) {
-    let silhouette = Silhouette::of_rope(mask, WIDTH, RR).unwrap();
+    let silhouette = Silhouette::of_rope(mask, WIDTH, RADIUS_PX).unwrap();
     let found = Surroundings::new(depth, mask, WIDTH, &silhouette.ropes(), RADIUS).unwrap();
     (silhouette, found)
 }

@@ -18,7 +18,7 @@ use crate::simd::BATCH;
 
 const AXIS_BITS: u32 = 19; // bits of a cell's coordinate along one axis at most; three coordinates make a key
 const BLOCK_BITS: u32 = 5; // bits of the number of a cell inside a block
-const IN_BLOCK: u64 = (1 << BLOCK_BITS) - 1;
+const IN_BLOCK: u64 = (1 << BLOCK_BITS) - 1; // mask of a cell's number inside its block
 /// Bits of the number of a part of a cell along each axis, if the points of a cell are sorted by its parts.
 const PART_BITS: u32 = 2;
 /// Rows of cells for each point, at most, for which all rows are kept, even those without points.

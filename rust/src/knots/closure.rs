@@ -86,10 +86,10 @@ impl<'a> Open<'a> {
         let ways = (thinned.triangles.iter())
             .map(|triangle| {
                 let corners = triangle.map(|k| nodes[k as usize]);
-                let centre = std::array::from_fn(|k| corners.iter().map(|p| p[k]).sum::<f64>() / 3.0);
-                let wide = corners.iter().map(|&p| squared_distance(p, centre)).fold(0.0, f64::max);
+                let center = std::array::from_fn(|k| corners.iter().map(|p| p[k]).sum::<f64>() / 3.0);
+                let wide = corners.iter().map(|&p| squared_distance(p, center)).fold(0.0, f64::max);
                 ends.map(|end| {
-                    let way = sub(centre, nodes[end]);
+                    let way = sub(center, nodes[end]);
                     let least = (1.0 - ROUNDING) * dot(way, way) - (1.0 + ROUNDING) * wide;
                     (way, if triangle.contains(&(end as u32)) { f64::INFINITY } else { least })
                 })

@@ -317,11 +317,11 @@ fn an_open_trefoil_has_a_core_within_its_ends() {
 
 #[test]
 fn linking_numbers_of_rings() {
-    let ring = |centre: f64, upright: bool| -> Vec<Point> {
+    let ring = |center: f64, upright: bool| -> Vec<Point> {
         let place = |k: i32| TAU * f64::from(k) / 40.0;
         (0..40)
             .map(|k| match upright {
-                true => [centre + place(k).cos(), 0.0, place(k).sin()],
+                true => [center + place(k).cos(), 0.0, place(k).sin()],
                 false => [place(k).cos(), place(k).sin(), 0.0],
             })
             .collect()

@@ -24,7 +24,7 @@ LINKS = [(page, link) for page in PAGES for link in re.findall(r"\]\((?!https?:)
 
 def test_the_configuration_page_says_what_the_dataclasses_say():
     page = configuration.PAGE.read_text(encoding="utf-8")
-    assert page == configuration.written(page), "run python docs/making/configuration.py"
+    assert page == configuration.rewrite(page), "run python docs/making/configuration.py"
 
 
 def test_the_configuration_page_has_every_field_with_its_default():

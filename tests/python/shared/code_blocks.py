@@ -86,7 +86,7 @@ def give_clouds() -> dict[str, Any]:
     source, target = (view.crop(make_arc().bounds).world_points for view in make_arc().views[:2])
     return {
         "points": target,
-        "camera_centre": make_arc().views[1].viewpoint,
+        "camera_center": make_arc().views[1].viewpoint,
         "source": source,
         "target": target,
     }

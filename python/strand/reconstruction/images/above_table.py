@@ -18,7 +18,7 @@ from strand.views.depth_image import DepthImage
 from strand.views.view import View, cropped, masked
 
 MIN_HEIGHT = -2.0  # radii: lower heights of single pixels are cut off
-_MAX_HEIGHT = 4.0  # radii: higher heights of single pixels are cut off
+MAX_HEIGHT = 4.0  # radii: higher heights of single pixels are cut off
 _SMOOTHING = 0.45  # radii: standard deviation of the Gaussian that smooths heights
 _MIN_SMOOTHING = 0.6  # pixels
 _EDGE_HEIGHT = 0.85  # radii: half of a rope's mean smoothed height, which is where its edge is
@@ -129,7 +129,7 @@ def segment_above_table(
     above, seen, pixels = measure_heights(image, table, bounds, radius)
     if not seen.any() or pixels > _MAX_RADIUS * max(image.mask.shape):
         return np.zeros_like(image.mask)
-    cut = np.clip(above, MIN_HEIGHT * radius, _MAX_HEIGHT * radius)
+    cut = np.clip(above, MIN_HEIGHT * radius, MAX_HEIGHT * radius)
     smooth, shares = smooth_where_seen(cut, seen, max(_SMOOTHING * pixels, _MIN_SMOOTHING))
     return np.asarray((smooth > _EDGE_HEIGHT * radius) & (shares > MIN_SEEN))
 

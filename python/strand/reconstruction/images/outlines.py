@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.reconstruction.images.above_table import MIN_HEIGHT, measure_heights
+from strand.reconstruction.images.above_table import MAX_HEIGHT, MIN_HEIGHT, measure_heights
 from strand.reconstruction.images.table_plane import Plane
 from strand.support.checks import Array
 from strand.views.box import Box
@@ -17,7 +17,6 @@ from strand.views.depth_image import DepthImage
 
 _FINEST_RADIUS = 3.0  # pixels: a rope's radius, about, after pixels were averaged
 _EDGE_HEIGHT = 0.6  # radii: height of a rope's edge above its table
-_MAX_HEIGHT = 4.0  # radii: larger heights of single pixels are cut off
 _MIN_NOISE = 0.2  # radii: ropes are not quite round, nor poses exact
 _STEPS = 80  # steps of the search for an outline
 _MARGIN_RADII = 3.0  # radii around the first mask in which ropes are sought
@@ -91,7 +90,7 @@ def outline_ropes(
     )
     # noise is along the ray, which meets heights at a slant
     variance = (noise / radius * float(table.normal @ image.pose[:3, 2])) ** 2
-    clipped = np.clip(above[part] / radius, MIN_HEIGHT, _MAX_HEIGHT)
+    clipped = np.clip(above[part] / radius, MIN_HEIGHT, MAX_HEIGHT)
     evidence = np.where(seen[part], (_EDGE_HEIGHT - clipped) * _EDGE_HEIGHT / max(variance, 1e-6), 0.0)
     found = []
     for outline in _core.find_short_outlines(evidence.astype(np.float32), weights, _STEPS):

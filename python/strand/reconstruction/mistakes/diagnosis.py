@@ -32,9 +32,9 @@ _SAMPLE = 20_000  # points of each view that are looked at
 _MIN_SHARE = 1e-3  # of these points lie in the range once the likely mistake is undone
 _BOUNDS_IN_MILLIMETERS = "bounds look like millimetres: give them in metres"
 _OTHER_MASKS = "points outside of the masks do lie there: are the masks those of these frames?"
-# ranges of the apparent radius over the given one in which a message names it; noise looks thinner still
-_THINNER_RANGE = (0.42, 0.75)
-_WIDER_RANGE = (1.33, 2.4)
+# a message names the apparent radius within these ranges; noise looks thinner still
+_THINNER_RANGE = (0.42, 0.75)  # apparent radius over the given one
+_WIDER_RANGE = (1.33, 2.4)  # apparent radius over the given one
 
 
 def find_mistakes(extract: Extract, radius: float, views: Sequence[View] | None = None) -> list[Doubt]:

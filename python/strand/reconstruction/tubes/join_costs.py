@@ -66,7 +66,7 @@ def order_outward(arcs: Sequence[Array], end: int) -> Array:
 def price_joins(arcs: Sequence[Array], evidence: JoinEvidence) -> JoinCosts:
     """Price all joins over gaps of usual length by the curves that would make them.
 
-    A join costs what the kernel `join_cost` returns, plus a price for free space and for different colours.
+    A join costs what the kernel `price_join` returns, plus a price for free space and for different colours.
     """
     radius, config, visibility = evidence.radius, evidence.config, evidence.visibility
     span = DIRECTION_SPAN * radius

@@ -172,9 +172,9 @@ impl RopeView<'_> {
     /// Returns the height of the corrected camera above a plane.
     fn height(&self, correction: &[f64; 6], plane: Plane) -> f64 {
         // the plane's point nearest to the camera, moved to the corrected frame
-        let centre: Point = self.pose.translation.into();
-        let away = plane.height(centre);
-        let foot: Point = std::array::from_fn(|k| centre[k] - away * plane.normal[k]);
+        let center: Point = self.pose.translation.into();
+        let away = plane.height(center);
+        let foot: Point = std::array::from_fn(|k| center[k] - away * plane.normal[k]);
         -dot(self.untwisted(correction, plane.normal), self.corrected(correction, foot))
     }
 }

@@ -8,7 +8,7 @@ use crate::images::image::{Image, find_blobs};
 use crate::images::silhouette::Silhouette;
 use crate::images::thinning::find_skeleton;
 
-const RR: f64 = 8.0; // the ropes' radius, pixels
+const RADIUS_PX: f64 = 8.0; // the ropes' radius, pixels
 const WIDTH: usize = 240;
 const HEIGHT: usize = 200;
 
@@ -16,16 +16,18 @@ const HEIGHT: usize = 200;
 fn silhouette(ropes: &[Vec<Place>]) -> Silhouette {
     let beyond = |x: Place, end: Place, before: Place| {
         let out = [end[0] - before[0], end[1] - before[1]];
-        distance(x, end) < RR && (x[0] - end[0]) * out[0] + (x[1] - end[1]) * out[1] > 0.0
+        distance(x, end) < RADIUS_PX && (x[0] - end[0]) * out[0] + (x[1] - end[1]) * out[1] > 0.0
     };
     let covers = |rope: &Vec<Place>, x: Place| {
         let n = rope.len();
-        distance_to(x, rope) < RR && !beyond(x, rope[0], rope[1]) && !beyond(x, rope[n - 1], rope[n - 2])
+        distance_to(x, rope) < RADIUS_PX
+            && !beyond(x, rope[0], rope[1])
+            && !beyond(x, rope[n - 1], rope[n - 2])
     };
     let mask: Vec<bool> = (0..WIDTH * HEIGHT)
         .map(|k| ropes.iter().any(|rope| covers(rope, [(k % WIDTH) as f64, (k / WIDTH) as f64])))
         .collect();
-    Silhouette::of_rope(&mask, WIDTH, RR).unwrap()
+    Silhouette::of_rope(&mask, WIDTH, RADIUS_PX).unwrap()
 }
 
 /// Returns the distance of a place from a polyline.
@@ -41,7 +43,7 @@ fn distance_to(x: Place, p: &[Place]) -> f64 {
 }
 
 fn line(a: Place, b: Place) -> Vec<Place> {
-    resampled(&[a, b], 0.5 * RR)
+    resampled(&[a, b], 0.5 * RADIUS_PX)
 }
 
 /// Returns the deviation of two polylines in either direction, with places matched by their share of the length.
@@ -138,7 +140,7 @@ fn a_curve_is_fitted_to_an_arc() {
         .map(|a| [120.0 + 70.0 * a.cos(), 60.0 + 70.0 * a.sin()])
         .collect();
     let seen = silhouette(std::slice::from_ref(&arc));
-    let start: Vec<Place> = resampled(&arc, 0.5 * RR)
+    let start: Vec<Place> = resampled(&arc, 0.5 * RADIUS_PX)
         .iter()
         .enumerate()
         .map(|(i, x)| [x[0] + 3.0 * (i as f64).sin(), x[1] + 3.0 * (2.0 * i as f64).cos()])
@@ -146,7 +148,7 @@ fn a_curve_is_fitted_to_an_arc() {
     let found = fit(&seen, &Votes::new(&seen), &start, &vec![0.0; start.len()]).unwrap();
     for x in &found[4..found.len() - 4] {
         let off = (x[0] - 120.0).hypot(x[1] - 60.0) - 70.0;
-        assert!(off.abs() < 0.1 * RR, "{off}");
+        assert!(off.abs() < 0.1 * RADIUS_PX, "{off}");
     }
 }
 
@@ -157,12 +159,12 @@ fn a_strip_is_one_rope_from_end_to_end() {
     // a rope has its price if the number of ropes is not known
     for (ropes, price) in [(None, 5.0), (Some(1), 0.0)] {
         let found = find_readings(&seen, ropes, 6);
-        assert!(away(&seen, &found[0], std::slice::from_ref(&rope)) < 0.5 * RR);
+        assert!(away(&seen, &found[0], std::slice::from_ref(&rope)) < 0.5 * RADIUS_PX);
         assert_eq!(found[0].rings, 0);
         assert!(found[0].cost < price + 2.0, "{}", found[0].cost);
     }
     // the cost is that of its chains, and moving them makes it more expensive
-    let aside: Vec<Place> = rope.iter().map(|x| [x[0], x[1] + 0.7 * RR]).collect();
+    let aside: Vec<Place> = rope.iter().map(|x| [x[0], x[1] + 0.7 * RADIUS_PX]).collect();
     assert!(price(&seen, &[aside]) > price(&seen, &[rope]) + 5.0);
 }
 
@@ -178,7 +180,7 @@ fn strips_that_cross_go_straight_on() {
         for count in [None, Some(2)] {
             let found = find_readings(&seen, count, 6);
             let off = away(&seen, &found[0], &ropes);
-            assert!(off < 0.6 * RR, "slope {slope}, {count:?} ropes: {off}");
+            assert!(off < 0.6 * RADIUS_PX, "slope {slope}, {count:?} ropes: {off}");
         }
     }
 }
@@ -194,7 +196,7 @@ fn a_loop_that_crosses_itself_is_one_rope() {
     for ropes in [None, Some(1)] {
         let found = find_readings(&seen, ropes, 6);
         let off = away(&seen, &found[0], std::slice::from_ref(&rope));
-        assert!(off < RR, "{ropes:?}: {off}");
+        assert!(off < RADIUS_PX, "{ropes:?}: {off}");
         assert_eq!(found[0].rings, 0);
     }
 }
@@ -205,14 +207,14 @@ fn strips_that_touch_are_two_ropes() {
     let rope = |side: f64| -> Vec<Place> {
         (0..=100)
             .map(|i| f64::from(i) / 50.0 - 1.0)
-            .map(|t| [120.0 + 95.0 * t, 100.0 + side * (RR + 38.0 * t * t * t * t)])
+            .map(|t| [120.0 + 95.0 * t, 100.0 + side * (RADIUS_PX + 38.0 * t * t * t * t)])
             .collect()
     };
     let ropes = [rope(1.0), rope(-1.0)];
     let seen = silhouette(&ropes);
     let found = find_readings(&seen, Some(2), 6);
     assert!(found[0].chains.len() == 2);
-    assert!(found.iter().any(|reading| away(&seen, reading, &ropes) < 0.6 * RR));
+    assert!(found.iter().any(|reading| away(&seen, reading, &ropes) < 0.6 * RADIUS_PX));
 }
 
 #[test]
@@ -221,9 +223,9 @@ fn gaps_are_joined_where_the_ropes_are_counted() {
     let whole = line([25.0, 70.0], [215.0, 120.0]);
     let seen = silhouette(&pieces);
     let found = find_readings(&seen, Some(1), 6);
-    assert!(away(&seen, &found[0], &[whole]) < 0.6 * RR);
+    assert!(away(&seen, &found[0], &[whole]) < 0.6 * RADIUS_PX);
     let open = find_readings(&seen, None, 6);
-    assert!(away(&seen, &open[0], &pieces) < 0.6 * RR);
+    assert!(away(&seen, &open[0], &pieces) < 0.6 * RADIUS_PX);
     assert!(found[0].cost > open[0].cost + 1.0);
 }
 
@@ -235,9 +237,9 @@ fn an_end_under_another_strand_lies_under_it() {
     for ropes in [None, Some(2)] {
         let found = find_readings(&seen, ropes, 6);
         let off = away(&seen, &found[0], &[over.clone(), under.clone()]);
-        assert!(off < 1.7 * RR, "{ropes:?}: {off}");
+        assert!(off < 1.7 * RADIUS_PX, "{ropes:?}: {off}");
         let straight =
             extend(&seen, &found[0].chains).iter().map(|c| deviation(c, &over)).fold(1e9, f64::min);
-        assert!(straight < 0.6 * RR, "{ropes:?}: {straight}");
+        assert!(straight < 0.6 * RADIUS_PX, "{ropes:?}: {straight}");
     }
 }

@@ -83,7 +83,7 @@ pub struct TubeFitOptions {
     pub min_bend: f64,
     /// Standard deviation of the sensor's noise along the viewing rays, metres; None estimates it from the residuals.
     pub noise: Option<f64>,
-    /// How many points count as one, because neighbouring pixels share errors. The first number is for errors along the
+    /// Number of points that count as one, because neighbouring pixels share errors. The first number is for errors along the
     /// viewing rays, the second for errors across them. Both only widen the uncertainty; 1 means independent noise.
     pub shared: [f64; 2],
     /// Extraction range: low and high corner, metres. Noise moves points out of it but none into it, so the fit
