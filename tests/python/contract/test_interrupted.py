@@ -25,6 +25,12 @@ def collect_bits(model):
     return [chain.points.tobytes() for chain in model.chains]
 
 
+def measure_time(call):
+    begin = time.perf_counter()
+    call()
+    return time.perf_counter() - begin
+
+
 @pytest.mark.parametrize("camera", [None, "d405"])
 def test_every_stage_is_left_at_once(camera):
     scene = strand.synthetic.scene("overhand", seed=3, views=3, camera=strand.synthetic.Camera(camera))
@@ -34,9 +40,8 @@ def test_every_stage_is_left_at_once(camera):
         return strand.reconstruct(scene.views, scene.radius, scene.bounds, progress=stages.append)
 
     expected = collect_bits(reconstruct())
-    begin = time.perf_counter()
-    reconstruct()
-    takes = time.perf_counter() - begin
+    # the least of three, as a busy machine slows single runs
+    takes = min(measure_time(reconstruct) for _ in range(3))
     before = signal.signal(signal.SIGALRM, raise_interrupted)
     late, left = [], set()
     try:
