@@ -80,7 +80,7 @@ const _: () = {
 ///     across them. It only widens standard deviations and covariances; 1 means independent noise.
 /// bounds : (2, 3) array_like of float, optional
 ///     Extraction range: low and high corner, metres. Noise moves points out of it but none into it, so the fit
-/// drops points whose place on the tube lies within two standard deviations of its faces.
+///     drops points whose place on the tube lies within two standard deviations of its faces.
 /// end_observations : sequence of EndObservation
 ///     Ends of ropes that views see; they fix straight ropes along themselves.
 /// previous : TubeFit, optional
@@ -88,6 +88,7 @@ const _: () = {
 /// uncertainty : bool
 ///     Compute standard deviations and covariances. Views are then held at the reported poses in directions that the data
 ///     do not fix: those in which a correction's standard deviation is over 0.71 times the reported pose's.
+///
 /// Returns
 /// -------
 /// strand.TubeFit
