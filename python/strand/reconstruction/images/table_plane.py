@@ -44,6 +44,10 @@ _WIDTH_BESIDE = 1.0  # radii: points this near the table lie on it
 _ROUNDS_BESIDE = 3  # fits by least squares
 _MARGIN = 4  # pixels around the ropes that may show them too
 _REACH = 40.0  # radii around the ropes in which the table is sought
+_HALF_WINDOWS = (
+    8,
+    32,
+)  # pixels: half sides of squares whose mean depths show a table that single ones do not
 
 
 class Plane(NamedTuple):
@@ -128,9 +132,21 @@ def find_largest_plane(points: Array) -> tuple[Plane, float] | None:
 def find_table_beside_ropes(image: DepthImage, radius: float) -> Plane | None:
     """Return the table that ropes of a radius, metres, lie on, world frame; None if the image shows none.
 
-    It is the plane that most points beside the mask lie on, to within a rope's radius.
+    It is the plane that most points beside the mask lie on, to within a rope's radius. If single depths
+    scatter too widely for that, it is the plane of means of depths.
     """
-    points = _select_beside(image, radius)
+    reach = _measure_reach(image, radius)
+    table = _find_plane_beside(_select_beside(image, reach, image.depth), image, radius)
+    for half in _HALF_WINDOWS:
+        if table is not None:
+            break
+        means = _average_beside(image, half)
+        table = _find_plane_beside(_select_beside(image, reach, means), image, radius)
+    return table
+
+
+def _find_plane_beside(points: Array, image: DepthImage, radius: float) -> Plane | None:
+    """Return the plane that most of (N, 3) points lie on, to within a radius, metres; None without one."""
     if len(points) < _MIN_POINTS_BESIDE:
         return None
     rng = np.random.default_rng(_SEED)
@@ -199,18 +215,44 @@ def _is_wide(points: Array, plane: Plane) -> bool:
     return inner >= _MIN_INNER_CELLS and inner >= _MIN_INNER_SHARE * int(np.count_nonzero(taken))
 
 
-def _select_beside(image: DepthImage, radius: float) -> Array:
-    """(N, 3) Return points, world frame, of pixels around the ropes but not next to them."""
-    rows, columns = (np.flatnonzero(image.mask.any(axis=axis)) for axis in (1, 0))
+def _average_beside(image: DepthImage, half: int) -> Array:
+    """(H, W) Return the mean depth of pixels beside the ropes, in squares around each pixel, metres.
+
+    A square reaches `half` pixels to each side. The mean is 0 where less than half of it has depth.
+    """
+    beside = (image.depth > 0) & (_add_squares(image.mask, _MARGIN) == 0.0)
+    counts = _add_squares(beside, half)
+    sums = _add_squares(np.where(beside, image.depth, 0.0), half)
+    return np.where(2.0 * counts > (2 * half + 1) ** 2, sums / np.maximum(counts, 1.0), 0.0)
+
+
+def _add_squares(values: Array | NDArray[np.bool_], half: int) -> Array:
+    """(H, W) Return sums over squares around each pixel that reach `half` pixels to each side."""
+    side = 2 * half + 1
+    padded = np.pad(values.astype(np.float64), ((half + 1, half), (half + 1, half)))
+    sums = padded.cumsum(axis=0).cumsum(axis=1)
+    return np.asarray(sums[side:, side:] - sums[side:, :-side] - sums[:-side, side:] + sums[:-side, :-side])
+
+
+def _measure_reach(image: DepthImage, radius: float) -> int:
+    """Return how far around ropes of a radius, metres, their table is sought, pixels."""
     far = float(np.median(image.depth[image.mask]))
+    if far <= 0:
+        return _MARGIN
+    return int(min(_REACH * radius * image.camera.focal[0] / max(far, 1e-9), sum(image.mask.shape)))
+
+
+def _select_beside(image: DepthImage, reach: int, depth: Array) -> Array:
+    """(N, 3) Return points, world frame, of pixels around the ropes but not next to them.
+
+    Their depths are given, (H, W) metres.
+    """
+    rows, columns = (np.flatnonzero(image.mask.any(axis=axis)) for axis in (1, 0))
     height, width = image.mask.shape
-    reach = _MARGIN
-    if far > 0:
-        reach = int(min(_REACH * radius * image.camera.focal[0] / max(far, 1e-9), height + width))
     top, bottom = max(rows[0] - reach, 0), min(rows[-1] + reach + 1, height)
     left, right = max(columns[0] - reach, 0), min(columns[-1] + reach + 1, width)
     step = max(int(np.sqrt((bottom - top) * (right - left) / (2.0 * _POINTS_BESIDE))), 1)
-    z = image.depth[top:bottom:step, left:right:step]
+    z = depth[top:bottom:step, left:right:step]
     kept = z > 0
     steps = (-_MARGIN, 0, _MARGIN)
     down = [np.clip(np.arange(top, bottom, step) + dv, 0, height - 1) for dv in steps]

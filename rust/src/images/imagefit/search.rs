@@ -18,7 +18,7 @@ const FAR: f64 = 0.4; // share of the steps with the first limit
 const TABLE: f64 = 4.0; // weight of the table, for each radius of length
 const ORDER: f64 = 6.0; // weight of the order at crossings, for each radius of length
 const REST: f64 = 2.0; // weight with which a rope rests on the table, for each radius of length
-const NEAR: f64 = 0.5; // height at which that weight decreases, radii
+const NEAR: f64 = 0.5; // height at which that weight decreases, radii; more in noise of more than a radius
 const FALL: f64 = 4.0; // weight that keeps an unsupported end from rising, for each radius of length
 const CARRIED: f64 = 3.0; // height of an axis that another strand carries, radii
 const PAIRS: f64 = 6.0; // pairs of a crossing that count in full
@@ -229,9 +229,10 @@ impl State<'_> {
     /// them.
     fn add_table(&mut self) {
         let Some(plane) = self.plane else { return };
+        let near = NEAR.max(self.options.noise - NEAR);
         for (i, &x) in self.positions.iter().enumerate() {
             let e = plane.height(x) / self.radius - 1.0;
-            let rests = REST / (1.0 + (e / NEAR).powi(2)).powi(2);
+            let rests = REST / (1.0 + (e / near).powi(2)).powi(2);
             let weight = if e < 0.0 { TABLE } else { rests };
             let by = plane.normal.map(|n| n / self.radius);
             let t = self.tangents[i];

@@ -77,3 +77,16 @@ def test_the_table_is_found_where_it_is_and_nowhere_else():
         for image in images
     ]
     assert find_table_beside_ropes(rough[1], made.radius) is None
+
+
+def test_a_table_is_found_where_depths_scatter_by_several_radii():
+    made = scene("s", seed=1, views=1, camera=Camera("d435", size=(320, 240)), mask=Segmentation())
+    (image,) = make_rope_images(made.views, made.views, None)
+    rng = np.random.default_rng(0)
+    # neighbours err alike, as in stereo
+    coarse = rng.normal(scale=4.0 * made.radius, size=(60, 80))
+    noisy = np.where(image.depth > 0, image.depth + coarse.repeat(4, axis=0).repeat(4, axis=1), 0.0)
+    table = find_table_beside_ropes(dataclasses.replace(image, depth=noisy), made.radius)
+    assert table is not None
+    assert table.normal @ [0.0, 0.0, 1.0] > np.cos(np.radians(3.0))
+    assert abs(table.offset) < 1.5 * made.radius
