@@ -8,6 +8,8 @@ use super::places::{Place2, STEP};
 
 /// Mask within this distance of the axis is covered, image radii, and pixels in addition.
 const COVERS: (f64, f64) = (1.2, 0.5);
+/// Masks fill corners between tubes that no disc of this radius reaches into, image radii.
+const CLOSED: f64 = 0.6;
 /// Tube within this distance of the axis must lie in the mask, image radii, less pixels.
 const FILLS: (f64, f64) = (0.7, 0.3);
 const NOISE: f64 = 0.5; // noise that divides depth residuals, radii
@@ -25,7 +27,8 @@ pub fn add_view(
 ) {
     let radius_px = view.silhouette.radius_px;
     let (covers, fills) = (COVERS.0 * radius_px + COVERS.1, FILLS.0 * radius_px - FILLS.1);
-    let distances = Distances::new(view, &seen.image, curves, covers);
+    let more = CLOSED * radius_px;
+    let distances = Distances::new(view, &seen.image, curves, covers + more);
     let (mut uncovered, mut outside) = (0, 0);
     for (row, squares) in distances.squares.chunks_exact(distances.width.max(1)).enumerate() {
         for (column, &square) in squares.iter().enumerate() {
@@ -34,7 +37,7 @@ pub fn add_view(
             if far || near {
                 let pixel = [column as i64 + distances.low[0], row as i64 + distances.low[1]];
                 let inside = view.medians.inside(pixel);
-                uncovered += u32::from(far && inside);
+                uncovered += u32::from(far && inside && !distances.closes(column, row, covers + more, more));
                 let hidden = || view.silhouette.hidden(pixel.map(|x| x as f64));
                 outside += u32::from(near && !inside && !hidden());
             }
@@ -82,6 +85,21 @@ impl Distances {
             }
         }
         made
+    }
+
+    /// Whether all pixels within `more` of one are within `reach` of the axes: the tubes' union, closed, covers it.
+    fn closes(&self, column: usize, row: usize, reach: f64, more: f64) -> bool {
+        let most = (reach * reach) as f32;
+        if more <= 0.0 || self.squares[row * self.width + column] > most {
+            return false;
+        }
+        let height = self.squares.len() / self.width;
+        let whole = more as usize;
+        (row.saturating_sub(whole)..(row + whole + 1).min(height)).all(|y| {
+            let half = (more * more - (y as f64 - row as f64).powi(2)).sqrt() as usize;
+            let columns = column.saturating_sub(half)..(column + half + 1).min(self.width);
+            self.squares[y * self.width..][columns].iter().all(|&square| square <= most)
+        })
     }
 
     fn stamp(&mut self, a: Place2, b: Place2, reach: f64, size: [usize; 2]) {
