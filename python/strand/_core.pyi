@@ -232,13 +232,11 @@ class ImageFit:
 @final
 class RopeImages:
     def __new__(
-        cls,
-        depths: Sequence[ArrayLike],
-        masks: Sequence[_Bools],
-        cameras: Sequence[_Camera],
-        poses: Sequence[ArrayLike],
-        radius: float,
+        cls, depths: Sequence[ArrayLike], masks: Sequence[_Bools], cameras: Sequence[_Camera],
+        poses: Sequence[ArrayLike], radius: float, mask_radii: Sequence[float | None] | None = None,
     ) -> RopeImages: ...
+    @property
+    def shown(self) -> _Floats: ...
     @property
     def radii(self) -> _Floats: ...
     def find_readings(

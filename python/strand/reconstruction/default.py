@@ -244,6 +244,7 @@ def _take_better(
         reading.errors,
         config,
         observed,
+        reading.taken,
     )
     best = explanations[0]
     same = best.reading is rival or _have_same_courses(best.fit.nodes, ropes, observed.radius)

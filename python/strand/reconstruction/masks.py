@@ -36,6 +36,11 @@ _MIN_SHARE_LOW = 0.9  # of the pixels are low in a mask of the background alone
 _MAX_SCATTER = 0.5  # radii: heights that scatter more do not show that a mask is of the background
 _MIN_AREA = 3.0  # squares of its radius, pixels: a rope covers at least this
 _MIN_DEPTH_SHARE = 0.2  # of a mask's pixels: with less, depth is too thin to have neighbors
+_CLEAR_RESOLUTION = 1.0  # radii: where depth resolves as much, it shows whether a mask holds ropes
+_NO_RESOLUTION = 2.0  # radii: where it resolves no less, it does not
+_CLEAR_PIXELS = 2.0  # pixels: windows over which depth is taken do not hide ropes of a larger radius
+_NO_PIXELS = 1.0  # pixels: they hide ropes of a smaller radius
+_STEPS = 4  # depths on each side of the ropes' distance whose steps are looked at
 _MISPLACED_DOUBT = 2.0  # doubt: a mask that is likely wrong makes the confidence about seven times lower
 
 
@@ -76,9 +81,13 @@ def find_misplaced_masks(
     found = []
     for number in numbers:
         image = _find_mask(views[number], bounds)
-        reason, shows_background = (None, False) if image is None else _judge_mask(image, bounds, radii)
-        if reason is not None:
-            doubt = Doubt("mask", _MISPLACED_DOUBT, "whether its mask is right", f"view {number}: {reason}")
+        if image is None:
+            continue
+        reason, sure, shows_background = _judge_mask(image, bounds, radii)
+        if reason is not None and sure > 0.0:
+            doubt = Doubt(
+                "mask", _MISPLACED_DOUBT * sure, "whether its mask is right", f"view {number}: {reason}"
+            )
             found.append(MisplacedMask(doubt, number, shows_background))
     return found
 
@@ -208,33 +217,54 @@ def _shows_rope(
     return np.asarray(inside & bounds.holds(world))
 
 
-def _judge_mask(image: DepthImage, bounds: Box | None, radii: Array) -> tuple[str | None, bool]:
-    """Say why a mask likely belongs to another image, if it does; tell whether it shows background alone."""
+def _judge_mask(image: DepthImage, bounds: Box | None, radii: Array) -> tuple[str | None, float, bool]:
+    """Say why a mask likely belongs to another image, if it does.
+
+    Say also how clearly depth would show otherwise, from 0 to 1, and whether it shows background alone.
+    """
     flat = np.flatnonzero(image.mask)
     rows, columns = np.divmod(flat[:: max(len(flat) // _SAMPLE, 1)], image.mask.shape[1])
     inside = _shows_rope(image, bounds, rows, columns)
     if not inside.any():
-        return None, False
+        return None, 0.0, False
     share = float(inside.mean()) * len(flat) / image.mask.size
     heights = _measure_above_sides(image, bounds, rows[inside], columns[inside], _REACH * radii[-1])
     few = len(heights) < _MIN_SHARE_COMPARED * len(_SIDES) * inside.sum()
     if few and share > _MAX_SHARE_OF_IMAGE:
-        return f"its mask holds {share:.0%} of the image, and the background with it", False
+        return f"its mask holds {share:.0%} of the image, and the background with it", 1.0, False
     if len(heights) < _MIN_COMPARISONS:
         # next to the image's border there is nothing on the other side
         heights = _measure_above_table(image, rows[inside], columns[inside], float(radii[0]))
     if len(heights) < _MIN_COMPARISONS:
-        return None, False
+        return None, 0.0, False
     height = float(np.median(heights)) / radii[0]
     if height >= _MIN_HEIGHT:
-        return None, False
+        return None, 0.0, False
     scatter = estimate_deviation(heights / radii[0] - height)
     low = float(np.mean(heights < _LOW_HEIGHT * radii[0]))
     reason = (
         f"what is inside its mask stands {height:.1f} radii before what is around it, as no rope does; "
         "is it the mask of this frame?"
     )
-    return reason, scatter < _MAX_SCATTER and low > _MIN_SHARE_LOW
+    resolution = max(scatter, _find_local_step(image) / float(radii[0]))
+    pixels = float(radii[0]) * max(image.camera.focal) / image.distance
+    sure = min(
+        (_NO_RESOLUTION - resolution) / (_NO_RESOLUTION - _CLEAR_RESOLUTION),
+        (pixels - _NO_PIXELS) / (_CLEAR_PIXELS - _NO_PIXELS),
+    )
+    shows_background = scatter < _MAX_SCATTER and low > _MIN_SHARE_LOW and sure > 1.0
+    return reason, min(max(sure, 0.0), 1.0), shows_background
+
+
+def _find_local_step(image: DepthImage) -> float:
+    """Return the distance between neighbouring depths of a sensor at the ropes' distance, metres.
+
+    A stereo camera's disparity has steps, which are wider in depth the farther away.
+    """
+    each = np.unique(image.depth)
+    middle = int(np.searchsorted(each, image.distance))
+    near = each[max(middle - _STEPS, 0) : middle + _STEPS]
+    return float(np.median(np.diff(near[near > 0]))) if np.count_nonzero(near > 0) > 1 else 0.0
 
 
 def _measure_above_table(image: DepthImage, rows: _Indices, columns: _Indices, radius: float) -> Array:

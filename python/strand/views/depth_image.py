@@ -57,6 +57,20 @@ class DepthImage:
         depths = depths[depths > 0]
         return float(np.median(depths)) if len(depths) else float("nan")
 
+    def frame_mask(self, margin: int) -> tuple[slice, slice]:
+        """Return the rows and columns at most `margin` pixels around the mask, which is not empty."""
+        rows, columns = (np.flatnonzero(self.mask.any(axis=axis)) for axis in (1, 0))
+        return (
+            slice(max(int(rows[0]) - margin, 0), int(rows[-1]) + margin + 1),
+            slice(max(int(columns[0]) - margin, 0), int(columns[-1]) + margin + 1),
+        )
+
+    def cropped(self, window: tuple[slice, slice]) -> DepthImage:
+        """Return the image of some rows and columns."""
+        labels = None if self.labels is None else self.labels[window].copy()
+        camera = self.camera.magnified(1, (float(window[1].start), float(window[0].start)))
+        return DepthImage(self.depth[window].copy(), camera, self.pose, labels)
+
     def project(self, points: Array) -> Array:
         """Return the (N, 2) columns and rows of points (N, 3) of the world, pixels."""
         return self.camera.project((points - self.pose[:3, 3]) @ self.pose[:3, :3])

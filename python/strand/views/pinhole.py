@@ -54,3 +54,18 @@ class Pinhole(NamedTuple):
         (fx, fy), (cx, cy) = self
         shift = 0.5 * (side - 1)
         return Pinhole((fx / side, fy / side), ((cx - shift) / side, (cy - shift) / side))
+
+    def magnified(self, factor: int, corner: tuple[float, float]) -> Pinhole:
+        """Return the camera of an image that begins at a column and row, with finer pixels.
+
+        A pixel of this camera is a square of `factor` by `factor` of them.
+        """
+        (fx, fy), (cx, cy) = self
+        shift = 0.5 * (factor - 1)
+        center = ((cx - corner[0]) * factor + shift, (cy - corner[1]) * factor + shift)
+        return Pinhole((fx * factor, fy * factor), center)
+
+    def convert(self, pixels: Array, other: Pinhole) -> Array:
+        """Return the (N, 2) columns and rows of another camera's pixels in this one, both at one pose."""
+        slopes = (pixels - np.array(other.center)) / np.array(other.focal)
+        return np.asarray(slopes * np.array(self.focal) + np.array(self.center))

@@ -23,6 +23,8 @@ pub struct Edge {
 pub struct Silhouette {
     /// The rope's radius in the image, pixels.
     pub radius_px: f64,
+    /// The radius that the mask shows, pixels, whatever the rope's is.
+    pub shown_px: f64,
     /// Places on the edge, about one each pixel.
     pub boundary: Vec<Edge>,
     /// The mask, with a margin around it.
@@ -102,6 +104,7 @@ impl Silhouette {
         let (boundary, mask) = (Vec::new(), Image::filled(w, h, false));
         let mut made = Self {
             radius_px,
+            shown_px: radius_px,
             boundary,
             mask,
             inside,
@@ -124,20 +127,14 @@ impl Silhouette {
     /// The mask corrects the radius. Masks are a little too narrow, or up to two pixels too wide. Wider ones may show
     /// strands side by side.
     pub fn of_rope(mask: &[bool], width: usize, radius_px: f64) -> Option<Self> {
-        let scale = if radius_px < 6.0 {
-            3
-        } else if radius_px < 10.0 {
-            2
-        } else {
-            1
-        };
-        let mut made = Self::new(mask, width, radius_px, scale)?;
+        let mut made = Self::new(mask, width, radius_px, find_scale(radius_px))?;
         let shown = shown_radius(&made.skeleton, &made.depth)?;
         let more = shown - radius_px;
         let grown = if shown < SIDE_BY_SIDE * radius_px { MAX_GROWN } else { MAX_GROWN_WIDE };
         if more > -OTHER[0] && more < grown + OTHER[1] {
             made.radius_px = shown.clamp(radius_px - MAX_SHRUNK, radius_px + grown);
         }
+        made.shown_px = shown;
         Some(made)
     }
 
@@ -243,6 +240,15 @@ impl Silhouette {
     pub(crate) fn original(&self, x: usize, y: usize) -> [f64; 2] {
         let scale = self.scale as f64;
         [(x as f64 + 0.5) / scale - 0.5 + self.origin[0], (y as f64 + 0.5) / scale - 0.5 + self.origin[1]]
+    }
+}
+
+/// Returns the magnification of a mask of ropes of a radius, pixels.
+fn find_scale(radius_px: f64) -> usize {
+    match radius_px {
+        ..6.0 => 3,
+        ..10.0 => 2,
+        _ => 1,
     }
 }
 

@@ -6,17 +6,16 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use super::arguments::{Array, FloatArray, motions, number, require_same_length, wrong_shape};
+use super::arguments::{number, require_same_length};
 use super::arrays::{array, list};
 use super::image_fit::ImageFit;
 use super::released::released;
 use crate::checks::check_positive;
-use crate::clouds::depth::Pinhole;
 use crate::geometry::Point;
 use crate::images::imagefit::{self, DepthScene, ImageFitOptions, OnChain, Plane, Prepared, RopeView};
 use crate::images::readings;
 use crate::parallel;
-use checks::{Errors, check_corrections, check_fit, nodes_of, places, plane_of, sensor};
+use checks::{Errors, check_corrections, check_fit, nodes_of, places, plane_of, sensor, views_of};
 
 mod checks;
 
@@ -39,6 +38,8 @@ type Hypothesis<'py> = (usize, Vec<Bound<'py, PyAny>>);
 ///     Camera to world.
 /// radius : float
 ///     The ropes' radius, metres.
+/// mask_radii : sequence of (float or None), optional
+///     The radii of masks that are wider than the ropes, pixels.
 #[pyclass(frozen, module = "strand._core")]
 pub(super) struct RopeImages(Arc<Prepareds>);
 
@@ -51,6 +52,7 @@ struct Prepareds {
 #[pymethods]
 impl RopeImages {
     #[new]
+    #[pyo3(signature = (depths, masks, cameras, poses, radius, mask_radii=None))]
     fn new(
         py: Python<'_>,
         depths: Vec<Bound<'_, PyAny>>,
@@ -58,36 +60,26 @@ impl RopeImages {
         cameras: Vec<[[f64; 2]; 2]>,
         poses: Vec<Bound<'_, PyAny>>,
         radius: &Bound<'_, PyAny>,
+        mask_radii: Option<Vec<Option<f64>>>,
     ) -> PyResult<Self> {
-        for (name, got) in [("masks", masks.len()), ("cameras", cameras.len()), ("poses", poses.len())] {
-            require_same_length(name, got, depths.len())?;
-        }
         let radius = number("radius", radius)?;
         check_positive("radius", radius)?;
-        if !cameras.iter().flatten().flatten().all(|x| x.is_finite()) {
-            return Err(PyValueError::new_err("cameras: expected finite numbers"));
-        }
-        let depths = FloatArray::all("depths", &depths)?;
-        let mut inputs = Vec::new();
-        for (((depth, mask), camera), pose) in
-            depths.into_iter().zip(&masks).zip(cameras).zip(motions("poses", &poses)?)
-        {
-            let ([height, width], mask) = (depth.image_shape("depths")?, Array::mask("masks", mask)?);
-            if mask.shape() != [height, width] {
-                return Err(wrong_shape("masks", &format!("({height}, {width})"), mask.shape()));
-            }
-            let [focal, center] = camera;
-            inputs.push((depth, mask, [width, height], Pinhole { focal, center }, pose));
-        }
+        let inputs = views_of(depths, &masks, cameras, &poses, mask_radii)?;
         let views = released(py, move || {
-            parallel::map(&inputs, |(depth, mask, size, pinhole, pose)| {
-                Prepared::new(depth.slice(), mask.slice(), *size, *pinhole, *pose, radius)
+            parallel::map(&inputs, |v| {
+                Prepared::new(v.depth.slice(), v.mask.slice(), v.size, v.pinhole, v.pose, radius, v.mask_px)
             })
         })?;
         let views: Option<Vec<Prepared>> = views.into_iter().collect();
         let views =
             views.ok_or_else(|| PyValueError::new_err("masks: expected pixels of a rope with depth"))?;
         Ok(Self(Arc::new(Prepareds { views, radius })))
+    }
+
+    /// (V,) radii that the masks show, whatever the ropes' are, pixels.
+    #[getter]
+    fn shown<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        list(py, self.0.views.iter().map(|v| v.silhouette.shown_px).collect())
     }
 
     /// (V,) radii of the ropes in each image, corrected by the mask, pixels.

@@ -252,3 +252,21 @@ def test_a_mask_in_many_pieces_makes_no_sure_answer(count):
     except strand.NotEnoughDataError:
         return
     assert model.confidence < 0.5
+
+
+@pytest.mark.parametrize(("step", "named"), [(0.002, [0, 1, 2]), (0.02, [])])
+def test_a_mask_is_not_doubted_where_depth_has_wider_steps_than_its_rope(step, named):
+    scene = SCENES["arc"]
+    # the rope is in none of the images
+    table = np.median(scene.depth) * scene.depth_scale
+    depth = np.full(scene.depth.shape, table)
+    depth[:, ::2, ::2] += step
+    depth[:, ::5] -= step
+    depth[:, 1::7] += 2 * step
+    masks = MASKS["arc"]
+    views = [
+        strand.View.from_depth(each, scene.intrinsics, pose, mask=mask)
+        for each, pose, mask in zip(depth, scene.poses, masks, strict=True)
+    ]
+    found = find_misplaced_masks(views, [0, 1, 2], None, np.array([scene.radius]))
+    assert [mask.view for mask in found] == named

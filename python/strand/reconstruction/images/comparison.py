@@ -17,14 +17,15 @@ from strand.reconstruction.images.pixel_errors import Errors
 from strand.reconstruction.images.table_plane import Plane
 from strand.reconstruction.stages import Observed
 from strand.support.checks import Array
+from strand.views.depth_image import DepthImage
 
 # the cost of a hypothesis
-_UNCOVERED_COST = 3.0  # per squared radius of mask that no rope covers
+_UNCOVERED_COST = 1.0  # per squared radius of mask that no rope covers
 _OUTSIDE_COST = 1.0  # per squared radius of tube outside masks
 _DEPTH_COST = 0.4  # per squared residual of depth
 _BEND_COST = 5.0  # per integral of squared curvature, 1 / radii
 _BEND_CHANGE_COST = 20.0  # per integral of squared change of curvature, 1 / radii³
-_READING_COST = 0.1  # per cost of the reading of the image
+_READING_COST = 0.3  # per cost of the reading of the image
 ROPE_COST = 6.0  # per rope
 _FREE_COST = 2.0  # per radius of rope in free space
 _MIN_FREE_NODES = 8  # nodes: shorter stretches in free space cost nothing
@@ -145,8 +146,11 @@ def fit_and_rank(
     errors: Errors,
     config: Config,
     observed: Observed,
+    taken: Sequence[DepthImage],
 ) -> list[Explanation]:
     """Fit readings to all views; return the explanations, the best first.
+
+    `taken` are the images in whose pixels readings are.
 
     Depth counts less where even the best hypothesis fits it worse than its noise allows. Then images count
     more.
@@ -163,7 +167,7 @@ def fit_and_rank(
     costs += ROPE_COST * np.array([len(reading.chains) for reading, _ in pairs])
     costs += [penalize_lengths(fit, observed) for _, fit in pairs]
     costs += [_SHARP_COST * _measure_sharp_bends(fit, float(observed.radii.values[0])) for _, fit in pairs]
-    changes = np.array([_count_label_changes(reading, observed) for reading, _ in pairs])
+    changes = np.array([_count_label_changes(reading, observed, taken) for reading, _ in pairs])
     if not changes.min():
         # else each label is a piece of a rope, or labels are wrong
         costs += _LABEL_COST * changes
@@ -186,11 +190,13 @@ def _measure_sharp_bends(fit: ImageFit, radius: float) -> float:
     return excess
 
 
-def _count_label_changes(reading: Reading, observed: Observed) -> int:
+def _count_label_changes(reading: Reading, observed: Observed, taken: Sequence[DepthImage]) -> int:
     image = observed.whole[reading.view].image
     if image is None or image.labels is None:
         return 0
-    return count_label_changes(image.labels, reading.chains)
+    camera = taken[reading.view].camera
+    chains = [image.camera.convert(nodes, camera) for nodes in reading.chains]
+    return count_label_changes(image.labels, chains)
 
 
 def penalize_lengths(fit: ImageFit, observed: Observed) -> float:

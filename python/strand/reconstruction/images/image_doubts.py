@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand._core import ImageFit, RopeImages
+from strand._core import ImageFit
 from strand.geometry.polyline import find_runs
 from strand.reconstruction.courses import Course, are_same_courses, sample_courses
 from strand.reconstruction.evidence.confidence import MIN_DOUBT, SCALE, USUAL_NOISE
@@ -32,6 +32,8 @@ _OUTSIDE = 0.05  # doubt per squared radius of tube outside masks
 _USUAL_OUTSIDE = 2.0  # squared radii of such tube that raise no doubt
 _WIDE = 0.8  # doubt per pixel that masks are too wide on each side
 _USUAL_WIDE = 1.25  # pixels too wide that raise no doubt
+_SLIMMED = 0.25  # part of that doubt where depth shows how wide ropes are
+_MAX_NOISE_ON_TABLE = 0.5  # doubt where masks show the course, and a table how high ropes lie
 _NOISE = 3.0  # doubt per radius of noise
 _BARE = 0.05  # doubt per radius of a stretch without depth
 _USUAL_BARE = 6.0  # radii of a stretch without depth that raise no doubt: a strand on top hides them
@@ -59,6 +61,7 @@ def find_doubts(
     views: Sequence[DepthImage],
     radius: float,
     others: Iterable[Doubt],
+    resting: bool,
 ) -> tuple[Doubt, ...]:
     """Return the doubts of the best explanation, the greatest first.
 
@@ -79,6 +82,8 @@ def find_doubts(
         Metres.
     others : iterable of Doubt
         Further ones.
+    resting : bool
+        Whether masks were given and ropes lie on a table, so that noise hardly changes the course.
     """
     found = [Doubt("noise", _ALWAYS, "of all that depth decides", "errors of neighbouring pixels are alike")]
     if len(rivals) > 1:
@@ -102,22 +107,27 @@ def find_doubts(
     found.append(Doubt("uncovered", amount, "of the ropes found", reason, place))
     reason = f"noise is {fit.noise:.2f} radii wide"
     amount = _NOISE * max(fit.noise - USUAL_NOISE, 0.0)
+    amount = min(amount, _MAX_NOISE_ON_TABLE) if resting else amount
     found.append(Doubt("noise", amount, "of all that is finer than the noise", reason))
     kept = (doubt for doubt in found if doubt.amount > MIN_DOUBT)
     return tuple(sorted(kept, key=lambda doubt: -doubt.amount))
 
 
-def doubt_wide_masks(taken: Sequence[DepthImage], images: RopeImages, radius: float) -> Iterator[Doubt]:
-    """Doubt a radius, metres, for which masks are too wide: the radius or the masks may be wrong."""
-    wider = [
-        pixels - radius * image.camera.focal[0] / image.distance
-        for image, pixels in zip(taken, images.radii, strict=True)
-    ]
-    more = float(np.median(wider))
+def doubt_wide_masks(wider: float, slimmed: bool) -> Iterator[Doubt]:
+    """Doubt a radius for which masks are too wide: the radius or the masks may be wrong.
+
+    Parameters
+    ----------
+    wider : float
+        Pixels on each side.
+    slimmed : bool
+        Whether depth shows how wide the ropes are.
+    """
     reason = (
-        f"masks are {more:.1f} pixels wider on each side than the radius says; is it right, and are they?"
+        f"masks are {wider:.1f} pixels wider on each side than the radius says; is it right, and are they?"
     )
-    yield Doubt("uncovered", _WIDE * max(more - _USUAL_WIDE, 0.0), "of the ropes found", reason)
+    amount = _WIDE * max(wider - _USUAL_WIDE, 0.0)
+    yield Doubt("uncovered", _SLIMMED * amount if slimmed else amount, "of the ropes found", reason)
 
 
 def doubt_ends_at_strands(chains: Sequence[Array], scatter: float, radius: float) -> Iterator[Doubt]:

@@ -15,6 +15,7 @@ _NODES_AHEAD = 4  # nodes before an end that give its direction
 _CUTS = (0.0, 1.5, 3.0)  # radii that are cut off before an end is extended
 _SLOPES = (0.0, 0.4)  # fall towards the table per length of an extension
 _MIN_AHEAD = 0.1  # length of what is left of a direction of unit length: with less it points nowhere
+_MIN_REST = 8.0  # radii that are left of a rope whose ends are cut
 _ROUNDS = 2  # an end and the other one
 
 
@@ -52,6 +53,17 @@ def move_ends(images: RopeImages, fit: ImageFit, table: Plane, noise: float, rad
             # reversed for the other end, and back in order after it
             chains[number] = np.ascontiguousarray(ways[best][::-1])
     return images.replace_nodes(fit, chains) if moved else fit
+
+
+def cut_ends(images: RopeImages, fit: ImageFit, length: float, radius: float) -> ImageFit:
+    """Return a fit whose ropes of a radius end a length, metres, earlier, if they are long enough."""
+    chains = []
+    for nodes in fit.nodes:
+        s = path_length(nodes)
+        start, stop = (length, s[-1] - length) if s[-1] > _MIN_REST * radius + 2.0 * length else (0.0, s[-1])
+        places = np.concatenate([[start], s[(s > start) & (s < stop)], [stop]])
+        chains.append(np.column_stack([np.interp(places, s, axis) for axis in nodes.T]))
+    return images.replace_nodes(fit, chains)
 
 
 def _change_end(nodes: Array, cut: float, added: float, slope: float, table: Plane, radius: float) -> Array:

@@ -6,6 +6,8 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
+from strand.reconstruction.images.fat_masks import slim_fat_masks
+from strand.reconstruction.images.finer_grid import magnify_thin_ropes
 from strand.reconstruction.images.prepare import prepare_images
 from strand.reconstruction.images.table_plane import Plane, find_table_beside_ropes
 from strand.support.checks import Array
@@ -13,6 +15,8 @@ from strand.views.depth_image import DepthImage
 
 _SEEN_HEIGHT = 0.85  # of a rope's height above its table: matchers and mixed pixels pull it down
 _SD = 0.15  # of the radius: masks are a pixel too wide or too narrow, and depth is pulled
+_MIN_SHARE = 0.5  # of the radius by the mask's area: the least radius by height that counts
+_MAX_SHARE = 1.5  # of the same: the largest
 _ROUNDS = 3  # readings of the mask by the radius that the one before shows
 _SAME = 0.05  # relative change of the radius: with less it has settled
 
@@ -21,33 +25,45 @@ def estimate_mask_radius(image: DepthImage) -> tuple[Array, Array]:
     """Return the radius of ropes in a mask and its standard deviation, (1,) metres each.
 
     A mask's area over twice the length of its ropes is their radius in the image. On a table, half of their
-    height is another estimate, and the mean of both is returned.
+    height is another estimate, and the mean of both is returned. A mask that is wider than what stands out of
+    the table is slimmed to that before.
 
     Raises
     ------
     strand.NotEnoughDataError
         If the mask shows no rope with depth.
     """
+    radius, chains = _estimate_by_area(image)
+    table = find_table_beside_ropes(image, radius)
+    if table is not None and chains:
+        by_height = 0.5 * _measure_height(image, np.vstack(chains), table) / _SEEN_HEIGHT
+        least = max(by_height, _MIN_SHARE * radius)
+        (slim,) = slim_fat_masks([image], table, None, _SEEN_HEIGHT * least)
+        if slim.image is not image:
+            radius, _ = _estimate_by_area(slim.image)
+        radius = 0.5 * (radius + min(max(by_height, _MIN_SHARE * radius), _MAX_SHARE * radius))
+    return np.array([radius]), np.array([_SD * radius])
+
+
+def _estimate_by_area(image: DepthImage) -> tuple[float, list[Array]]:
+    """Return the radius by a mask's area, metres, and the ropes that it was measured along, pixels."""
     pixels = _core.estimate_mask_radius(image.mask)
     if pixels is None or np.isnan(image.distance):
         raise NotEnoughDataError("views: the masks show no rope with depth")
-    scale = image.distance / image.camera.focal[0]
-    radius = pixels * scale
+    radius = pixels * image.distance / image.camera.focal[0]
+    (fine,), _ = magnify_thin_ropes([image], radius)
+    scale = fine.distance / fine.camera.focal[0]
     chains: list[Array] = []
     for _ in range(_ROUNDS):
-        readings = prepare_images([image], radius).find_readings(None, 1, [0])
+        readings = prepare_images([fine], radius).find_readings(None, 1, [0])
         chains = [nodes for _, _, ropes, _ in readings for nodes in ropes]
         if not chains:
             break
         length = sum(float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum()) for nodes in chains)
-        before, radius = radius, np.count_nonzero(image.mask) / (2.0 * length) * scale
+        before, radius = radius, np.count_nonzero(fine.mask) / (2.0 * length) * scale
         if abs(radius / before - 1.0) < _SAME:
             break
-    table = find_table_beside_ropes(image, radius)
-    if table is not None and chains:
-        height = _measure_height(image, np.vstack(chains), table)
-        radius = 0.5 * (radius + min(max(0.5 * height / _SEEN_HEIGHT, 0.5 * radius), 1.5 * radius))
-    return np.array([radius]), np.array([_SD * radius])
+    return radius, [image.camera.convert(nodes, fine.camera) for nodes in chains]
 
 
 def _measure_height(image: DepthImage, axis: Array, table: Plane) -> float:

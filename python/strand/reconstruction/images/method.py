@@ -13,13 +13,14 @@ from strand.reconstruction.evidence.depth_errors import MIN_CORRELATION
 from strand.reconstruction.images.above_table import mask_above_table
 from strand.reconstruction.images.beyond_mask import doubt_ends_beyond_masks
 from strand.reconstruction.images.comparison import Explanation, find_likely_readings, fit_and_rank, refit
+from strand.reconstruction.images.fat_masks import MIN_WIDER, measure_excess
 from strand.reconstruction.images.image_doubts import (
     doubt_ends_at_strands,
     doubt_wide_masks,
     drop_same_courses,
     find_doubts,
 )
-from strand.reconstruction.images.image_ends import move_ends
+from strand.reconstruction.images.image_ends import cut_ends, move_ends
 from strand.reconstruction.images.image_nodes import correct_poses, make_chains
 from strand.reconstruction.images.outlines import estimate_mean_noise
 from strand.reconstruction.images.pixel_errors import (
@@ -29,7 +30,7 @@ from strand.reconstruction.images.pixel_errors import (
     describe_sensor,
     measure_errors,
 )
-from strand.reconstruction.images.prepare import prepare_images
+from strand.reconstruction.images.prepare import prepare_views
 from strand.reconstruction.images.table_plane import Plane, find_table_beside_ropes
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.ropes.doubt import Alternative
@@ -56,13 +57,21 @@ class Interpretation:
     explanations : list of Explanation
         The best first.
     taken : list of DepthImage
-        The images with the masks that were read.
+        The images with the masks that were read. Their pixels are those of readings.
+    given : list of DepthImage
+        The same in pixels whose errors are measured.
     errors : Errors
         The usual ones, or those of the sensor that the caller gave.
     side : int
         Pixels of a view along each side of a pixel of the images.
     scatter : float or None
         Standard deviation of independent depths of single pixels, metres; None if it was not measured.
+    factor : int
+        Pixels of the images along each side of a pixel of a view, if thin ropes were magnified.
+    wider : float
+        Pixels of a view that its mask was wider on each side than the radius says.
+    excess : float
+        What is left of that after the mask was slimmed.
     """
 
     images: RopeImages
@@ -70,14 +79,18 @@ class Interpretation:
     held: int
     explanations: list[Explanation]
     taken: list[DepthImage]
+    given: list[DepthImage]
     errors: Errors
     side: int = 1
     scatter: float | None = None
+    factor: int = 1
+    wider: float = 0.0
+    excess: float = 0.0
 
     @lazy_property
     def neighbor_correlation(self) -> float:
         """The correlation of neighbouring pixels' errors in flat surroundings; 0 without any."""
-        return correlate_neighbors(self.taken)
+        return correlate_neighbors(self.given)
 
 
 def read_images(observed: Observed, config: Config, run: Run) -> Interpretation:
@@ -93,27 +106,39 @@ def read_images(observed: Observed, config: Config, run: Run) -> Interpretation:
     radius = float(observed.radii.values[0])
     held = observed.held
     with run.stage("images"):
-        taken = observed.images
-        table = find_table_beside_ropes(taken[held], radius)
+        given = observed.images
+        table = find_table_beside_ropes(given[held], radius)
         if not any(observed.masked):
-            taken = mask_above_table(taken, table, observed.bounds, radius)
+            given = mask_above_table(given, table, observed.bounds, radius)
         try:
-            images = prepare_images(taken, radius)
+            views = prepare_views(given, any(observed.masked), table, observed.bounds, radius)
         except ValueError as error:
             raise NotEnoughDataError(_NO_ROPE) from error
+    images, taken, factor = views.images, views.taken, views.factor
     with run.stage("readings"):
-        views = [held] if run.skips("readings of all views but one") else range(len(taken))
-        readings = find_likely_readings(images, observed.prior.ropes, views)
-    errors = Errors()
+        numbers = [held] if run.skips("readings of all views but one") else range(len(taken))
+        readings = find_likely_readings(images, observed.prior.ropes, numbers)
+    errors = Errors(lateral=factor * Errors.lateral)
     if isinstance(config.sensor, Sensor):
-        errors = convert_sensor(config.sensor, taken, images, radius)
+        errors = convert_sensor(config.sensor, views.given, images, radius, factor)
     with run.stage("explain"):
         if run.skips("the comparison of readings"):
             readings = readings[:1]
-        found = fit_and_rank(images, readings, table, held, errors, config, observed)
+        found = fit_and_rank(images, readings, table, held, errors, config, observed, taken)
     if not found:
         raise NotEnoughDataError(_NO_ROPE)
-    return Interpretation(images, table, held, found, taken, errors)
+    return Interpretation(
+        images,
+        table,
+        held,
+        found,
+        taken,
+        views.given,
+        errors,
+        factor=factor,
+        wider=views.wider,
+        excess=views.excess,
+    )
 
 
 def make_answer(read: Interpretation, observed: Observed, config: Config, run: Run) -> Found:
@@ -121,10 +146,10 @@ def make_answer(read: Interpretation, observed: Observed, config: Config, run: R
     best = read.explanations[0]
     radius, radius_sd = float(observed.radii.values[0]), float(observed.radii.sd[0])
     with run.stage("fit images"):
-        measured = measure_errors(best.fit, read.errors)
+        measured = measure_errors(best.fit, read.errors, read.factor)
         errors = measured
         if isinstance(config.sensor, Sensor):
-            errors = replace(read.errors, lateral=config.sensor.lateral or measured.lateral)
+            errors = replace(read.errors, lateral=read.factor * config.sensor.lateral or measured.lateral)
         fit = refit(read.images, best.fit, read.table, read.held, errors, config)
         if (
             read.scatter is not None
@@ -134,18 +159,25 @@ def make_answer(read: Interpretation, observed: Observed, config: Config, run: R
             # masks locate ends badly where depths scatter
             noise = estimate_mean_noise(read.scatter, read.side, radius)
             fit = move_ends(read.images, fit, read.table, noise, radius)
+        if read.excess > MIN_WIDER:
+            # ends of masks lie beyond those of ropes by as much as their sides do
+            fit = cut_ends(read.images, fit, read.excess * _measure_pixel(read), radius)
         chains = make_chains(read.images, fit, radius, radius_sd, config)
     rivals = drop_same_courses(read.explanations, radius)
     poses = correct_poses([view.pose for view in observed.views], fit.corrections)
     views = [replace(image, pose=pose) for image, pose in zip(read.taken, poses, strict=True)]
+    wider = read.wider
+    if read.scatter is not None:
+        wider = measure_excess(read.taken, read.images.radii, radius)
     others = [
         *doubt_ends_at_strands(fit.nodes, read.scatter or 0.0, radius),
-        *doubt_wide_masks(read.taken, read.images, radius),
+        *doubt_wide_masks(wider, slimmed=wider > read.excess + MIN_WIDER),
     ]
     if read.scatter is None:
         # where depths scatter, masks were made of what stands out
         others += doubt_ends_beyond_masks(views, fit.nodes, fit.noise, radius)
-    doubts = find_doubts(rivals, fit, chains, views, radius, others)
+    resting = read.table is not None and all(observed.masked)
+    doubts = find_doubts(rivals, fit, chains, views, radius, others, resting)
     chains = sorted(chains, key=lambda chain: -chain.length)
     run.warnings.extend(warn_about_answer(chains, doubts, None, observed.bounds, config.linking))
     return Found(
@@ -168,9 +200,17 @@ def make_answer(read: Interpretation, observed: Observed, config: Config, run: R
     )
 
 
+def _measure_pixel(read: Interpretation) -> float:
+    """Return the side of a view's pixel at the ropes' distance, metres."""
+    image = read.given[read.held]
+    return image.distance / image.camera.focal[0]
+
+
 def _describe_pixels(read: Interpretation, measured: Errors, fit: ImageFit, radius: float) -> Sensor:
     """Return the sensor with the errors of single pixels."""
-    sensor = describe_sensor(measured, fit, _find_correlation(read), read.taken, read.images, radius)
+    sensor = describe_sensor(
+        measured, fit, _find_correlation(read), read.given, read.images, radius, read.factor
+    )
     if read.scatter is None:
         return sensor
     # means of pixels have no step, and are as independent as the pixels

@@ -187,7 +187,7 @@ def read_noisy_depth(
         raise NotEnoughDataError(_NO_ROPE)
     explanations = [replace(best[k].one, cost=float(costs[k])) for k in order]
     images, taken = likeliest.masks.images, likeliest.masks.taken
-    return Interpretation(images, table, held, explanations, taken, scene.errors, round(side), scatter)
+    return Interpretation(images, table, held, explanations, taken, taken, scene.errors, round(side), scatter)
 
 
 def _prepare_masks(taken: list[DepthImage], radius: float) -> _Masks | None:

@@ -27,7 +27,7 @@ _LATERAL_RANGE = (0.1, 1.0)  # pixels: errors of masks' edges
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of ropes' depth and of masks' edges.
+    """Errors of ropes' depth and of masks' edges, as kernels take them.
 
     Attributes
     ----------
@@ -59,25 +59,32 @@ def correlate_neighbors(taken: Sequence[DepthImage]) -> float:
     return min(correlations[0] + followed, _MAX_NEIGHBOR_CORRELATION) if correlations else 0.0
 
 
-def convert_sensor(sensor: Sensor, taken: Sequence[DepthImage], images: RopeImages, radius: float) -> Errors:
-    """Return the errors of a sensor's images of ropes of one radius, metres."""
+def convert_sensor(
+    sensor: Sensor, given: Sequence[DepthImage], images: RopeImages, radius: float, factor: int
+) -> Errors:
+    """Return the errors of a sensor's images of ropes of one radius, metres.
+
+    The kernels' images are magnified by `factor`.
+    """
     found = []
-    for image, pixels in zip(taken, images.radii, strict=True):
+    for image, pixels in zip(given, images.radii, strict=True):
         error = sensor.at(image.distance, image.camera.focal[0])
-        share, length = _average_over_discs(error.correlation, float(pixels))
+        share, length = _average_over_discs(error.correlation, float(pixels) / factor)
         found.append((error.sd * share / radius, length))
     noise, length = np.median(found, axis=0).tolist()
     usual = Errors()
     return Errors(
         float(np.clip(noise, *_NOISE_RANGE)),
         float(np.clip(length, *_LENGTH_RANGE)),
-        sensor.lateral or usual.lateral,
+        factor * (sensor.lateral or usual.lateral),
         sensor.bias / radius,
     )
 
 
-def measure_errors(fit: ImageFit, usual: Errors) -> Errors:
+def measure_errors(fit: ImageFit, usual: Errors, factor: int) -> Errors:
     """Return the errors that a fit's residuals show, and the usual ones where they show none.
+
+    The kernels' images are magnified by `factor`.
 
     A curve follows errors of depth, and leaves less of them in the residuals. It hardly follows those of the
     mask's edges, of which a span of the curve has many.
@@ -87,7 +94,9 @@ def measure_errors(fit: ImageFit, usual: Errors) -> Errors:
         sd, stretch = fit.scatter
         noise = float(np.clip(_FOLLOWED * sd, *_NOISE_RANGE))
         length = float(np.clip(_FOLLOWED_LENGTH * stretch, *_LENGTH_RANGE))
-    lateral = usual.lateral if fit.lateral is None else float(np.clip(fit.lateral, *_LATERAL_RANGE))
+    lateral = usual.lateral
+    if fit.lateral is not None:
+        lateral = factor * float(np.clip(fit.lateral / factor, *_LATERAL_RANGE))
     return Errors(noise, length, lateral, usual.bias)
 
 
@@ -95,25 +104,27 @@ def describe_sensor(
     errors: Errors,
     fit: ImageFit,
     correlation: float | None,
-    taken: Sequence[DepthImage],
+    given: Sequence[DepthImage],
     images: RopeImages,
     radius: float,
+    factor: int,
 ) -> Sensor:
     """Return the sensor whose images have some errors, a fit's biases and a correlation in pixels.
 
-    Without a correlation, the errors of discs stand for those of pixels, which are wider.
+    Without a correlation, the errors of discs stand for those of pixels, which are wider. The kernels' images
+    are magnified by `factor`.
     """
-    first = taken[0].depth[taken[0].mask]
+    first = given[0].depth[given[0].mask]
     share = 1.0
     if correlation is not None:
-        share, _ = _average_over_discs(correlation, float(np.median(images.radii)))
+        share, _ = _average_over_discs(correlation, float(np.median(images.radii)) / factor)
     noise = fit.noise if errors.noise is None else errors.noise
     return Sensor(
         sd=noise / share * radius,
         correlation=correlation or 0.0,
         step=find_depth_step(first[first > 0]),
         bias=float(np.median(fit.biases)) * radius,
-        lateral=errors.lateral,
+        lateral=errors.lateral / factor,
     )
 
 

@@ -6,6 +6,7 @@ use crate::images::silhouette::Silhouette;
 use crate::parallel;
 
 const DISC: f64 = 0.6; // radius of a disc, image radii
+const MIN_DISC: f64 = 1.0; // radius of a disc at least, pixels
 const MIN_RETURNS: usize = 3; // returns in a disc at least
 
 /// Median depths on a grid over an image, and the image's pixels inside the silhouette.
@@ -26,10 +27,11 @@ pub struct Medians {
 }
 
 impl Medians {
-    /// Computes medians over the pixels of a mask of `width` columns.
-    pub fn new(depth: &[f64], mask: &[bool], width: usize, silhouette: &Silhouette) -> Self {
+    /// Computes medians over the pixels of a mask of `width` columns. `radius_px` is the radius of the ropes in it, which a
+    /// mask may surround widely.
+    pub fn new(depth: &[f64], mask: &[bool], width: usize, silhouette: &Silhouette, radius_px: f64) -> Self {
         let height = depth.len() / width.max(1);
-        let reach = DISC * silhouette.radius_px;
+        let reach = (DISC * radius_px).max(MIN_DISC);
         let step = (0.5 * reach).floor().max(1.0);
         let (origin, frame) = silhouette.frame();
         let size = frame.map(|n| (n as f64 / step) as usize + 1);

@@ -29,7 +29,8 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Prepares a view; None if its mask shows no rope with depth.
+    /// Prepares a view; None if its mask shows no rope with depth. If the mask is wider than the ropes, it is read at a
+    /// radius of its own, `mask_px`.
     pub fn new(
         depth: &[f64],
         mask: &[bool],
@@ -37,6 +38,7 @@ impl Prepared {
         pinhole: Pinhole,
         pose: RigidMotion,
         radius: f64,
+        mask_px: Option<f64>,
     ) -> Option<Self> {
         let pixels: Vec<usize> =
             (0..depth.len()).filter(|&k| mask[k] && depth[k] > 0.0 && depth[k].is_finite()).collect();
@@ -46,18 +48,21 @@ impl Prepared {
         let mut seen: Vec<f64> = pixels.iter().map(|&k| depth[k]).collect();
         let covered = pixels.iter().map(|&k| [(k % size[0]) as f64, (k / size[0]) as f64]).collect();
         let radius_px = pinhole.focal[0] * radius / upper_median(&mut seen);
-        let silhouette = Silhouette::of_rope(mask, size[0], radius_px)?;
+        let silhouette = Silhouette::of_rope(mask, size[0], mask_px.unwrap_or(radius_px))?;
         if silhouette.radius_px < MIN_RADIUS {
             return None;
         }
+        // a mask that is too wide shows what is beside the ropes too
+        let disc_px =
+            |silhouette: &Silhouette| if mask_px.is_some() { radius_px } else { silhouette.radius_px };
         let (around, medians) = parallel::both(
             || Surroundings::new(depth, mask, size[0], &silhouette.ropes(), radius),
-            || Medians::new(depth, mask, size[0], &silhouette),
+            || Medians::new(depth, mask, size[0], &silhouette, disc_px(&silhouette)),
         );
         let ragged = around.as_ref().filter(|_| silhouette.ragged > RAGGED);
         let mended = ragged.and_then(|around| mend(depth, mask, size[0], &silhouette, around));
         let silhouette = match &mended {
-            Some(mask) => Silhouette::of_rope(mask, size[0], radius_px)?,
+            Some(mask) => Silhouette::of_rope(mask, size[0], mask_px.unwrap_or(radius_px))?,
             None => silhouette,
         };
         let rope = mended.as_deref().unwrap_or(mask);
@@ -68,9 +73,9 @@ impl Prepared {
                 let own = |k: usize| !(rope[k] && around.before(at(k), depth[k]));
                 let seen: Vec<f64> =
                     (0..depth.len()).map(|k| if own(k) { depth[k] } else { f64::NAN }).collect();
-                Medians::new(&seen, rope, size[0], &silhouette)
+                Medians::new(&seen, rope, size[0], &silhouette, disc_px(&silhouette))
             }
-            None if mended.is_some() => Medians::new(depth, rope, size[0], &silhouette),
+            None if mended.is_some() => Medians::new(depth, rope, size[0], &silhouette, disc_px(&silhouette)),
             None => medians,
         };
         let silhouette = silhouette.amid(around);

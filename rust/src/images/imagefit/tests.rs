@@ -87,7 +87,7 @@ pub fn view(ropes: &[Rope], camera: Point, tilt: f64) -> Image {
     let distance = camera[2] / tilt.cos();
     let silhouette =
         Silhouette::new(&mask, SIZE[0], pinhole.focal[0] * ropes[0].radius / distance, 3).unwrap();
-    let medians = Medians::new(&depth, &mask, SIZE[0], &silhouette);
+    let medians = Medians::new(&depth, &mask, SIZE[0], &silhouette, silhouette.radius_px);
     Image { silhouette, medians, pinhole, pose }
 }
 

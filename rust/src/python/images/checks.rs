@@ -4,9 +4,10 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::checks::{check_positive, check_unit};
-use crate::geometry::Point;
+use crate::clouds::depth::Pinhole;
+use crate::geometry::{Point, RigidMotion};
 use crate::images::imagefit::{Plane, Sensor};
-use crate::python::arguments::{FloatArray, Points, wrong_shape};
+use crate::python::arguments::{Array, FloatArray, Points, motions, require_same_length, wrong_shape};
 
 const MAX_LENGTH: f64 = 1e5; // length of a polyline at most, pixels or radii
 const MAX_COORDINATE: f64 = 1e6; // size of a coordinate at most, pixels or metres
@@ -16,6 +17,54 @@ const MAX_BIAS: f64 = 100.0; // size of a depth bias at most, radii
 /// Errors of a sensor: standard deviation of depth, radii, if known; its correlation length, radii; standard deviation
 /// of edges, pixels; depth bias, radii.
 pub type Errors = (Option<f64>, f64, f64, f64);
+
+/// A view with a mask, as [`crate::images::imagefit::Prepared`] takes it.
+pub struct MaskedView {
+    pub depth: FloatArray,
+    pub mask: Array<bool>,
+    pub size: [usize; 2],
+    pub pinhole: Pinhole,
+    pub pose: RigidMotion,
+    pub mask_px: Option<f64>,
+}
+
+/// Takes views with masks.
+pub fn views_of(
+    depths: Vec<Bound<'_, PyAny>>,
+    masks: &[Bound<'_, PyAny>],
+    cameras: Vec<[[f64; 2]; 2]>,
+    poses: &[Bound<'_, PyAny>],
+    mask_radii: Option<Vec<Option<f64>>>,
+) -> PyResult<Vec<MaskedView>> {
+    let mask_radii = mask_radii.unwrap_or_else(|| vec![None; depths.len()]);
+    for (name, got) in [
+        ("masks", masks.len()),
+        ("cameras", cameras.len()),
+        ("poses", poses.len()),
+        ("mask_radii", mask_radii.len()),
+    ] {
+        require_same_length(name, got, depths.len())?;
+    }
+    if !cameras.iter().flatten().flatten().all(|x| x.is_finite()) {
+        return Err(PyValueError::new_err("cameras: expected finite numbers"));
+    }
+    for pixels in mask_radii.iter().flatten() {
+        check_positive("mask_radii", *pixels)?;
+    }
+    let (depths, poses) = (FloatArray::all("depths", &depths)?, motions("poses", poses)?);
+    let mut views = Vec::new();
+    for ((((depth, mask), [focal, center]), pose), mask_px) in
+        depths.into_iter().zip(masks).zip(cameras).zip(poses).zip(mask_radii)
+    {
+        let ([height, width], mask) = (depth.image_shape("depths")?, Array::mask("masks", mask)?);
+        if mask.shape() != [height, width] {
+            return Err(wrong_shape("masks", &format!("({height}, {width})"), mask.shape()));
+        }
+        let pinhole = Pinhole { focal, center };
+        views.push(MaskedView { depth, mask, size: [width, height], pinhole, pose, mask_px });
+    }
+    Ok(views)
+}
 
 pub fn sensor((noise, correlation, lateral, bias): Errors) -> Sensor {
     Sensor { noise, correlation, lateral, bias: [bias, Sensor::DEFAULT.bias[1]], ..Sensor::DEFAULT }

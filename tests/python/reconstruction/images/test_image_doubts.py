@@ -71,7 +71,8 @@ def test_masks_two_pixels_too_wide_are_read_and_doubted(camera, name, measure):
     assert found.chains == found.ropes
     assert found.frechet < 2.0
     assert found.crossings.right == found.crossings.true
-    assert model.confidence < 0.8
+    # depth shows how wide they are
+    assert model.confidence < 0.85
     assert "wider on each side than the radius says" in str([doubt.reason for doubt in model.doubts])
 
 

@@ -69,7 +69,7 @@ def test_errors_of_discs_are_those_of_smoothed_noise(made, correlation):
     images = prepare_images([image], made.radius)
     pixels = float(images.radii[0])
     sd = 0.2 * made.radius
-    found = convert_sensor(strand.Sensor(sd=sd, correlation=correlation), [image], images, made.radius)
+    found = convert_sensor(strand.Sensor(sd=sd, correlation=correlation), [image], images, made.radius, 1)
     # noise of unit standard deviation, smoothed by its spectrum
     rng = np.random.default_rng(5)
     side = 360

@@ -1,0 +1,104 @@
+"""Masks that are wider than their ropes, slimmed to what stands out of the table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import strand._core as _core
+from strand.reconstruction.images.above_table import segment_above_table
+from strand.reconstruction.images.table_plane import Plane
+from strand.support.checks import Array
+from strand.views.box import Box
+from strand.views.depth_image import DepthImage
+
+MIN_WIDER = 1.25  # pixels on each side: masks that are wider than ropes by less are as wide
+_MIN_WIDER_SHARE = 1.25  # times as wide as ropes: the same
+_MIN_WIDE = 0.85  # times as wide as the mask: what stands out is as wide
+MAX_SHARE = 5.0  # of the radius: masks that are wider show something else
+_MARGIN = 2  # pixels around the mask that heights are measured in
+_AROUND = 2.0  # radii farther
+_MIN_COVERED = 0.98  # of a mask lies as near to what stands out of the table as the mask is too wide
+_SPECK = 3.0  # squared radii: smaller pieces are specks
+_REACH = 1.5  # pixels farther: edges of both are ragged
+_MIN_SHARE = 0.6  # of the ropes' radius: narrower strips that stand out are parts of ropes
+
+
+class Slimmed(NamedTuple):
+    """A mask that is wider than its ropes, after a look at depth.
+
+    Attributes
+    ----------
+    image : DepthImage
+        With what stands out alone, if that shows all of the ropes.
+    is_wide : bool
+        Whether what stands out is as wide as the mask: strands lie side by side.
+    """
+
+    image: DepthImage
+    is_wide: bool
+
+
+def measure_excess(taken: Sequence[DepthImage], shown: Sequence[float] | Array, radius: float) -> float:
+    """Return how much wider on each side masks are than ropes of a radius, metres, in pixels of the images.
+
+    `shown` are the radii that the masks show, pixels.
+    """
+    wider = [
+        float(pixels) - radius * image.camera.focal[0] / image.distance
+        for image, pixels in zip(taken, shown, strict=True)
+    ]
+    return float(np.median(wider))
+
+
+def slim_fat_masks(
+    images: Sequence[DepthImage], table: Plane | None, bounds: Box | None, radius: float
+) -> list[Slimmed]:
+    """Cut masks that are wider than ropes of a radius, metres, to what stands out of their table.
+
+    A mask stays as it is if depth does not show all of its ropes, or it is as wide as they are.
+    """
+    if table is None:
+        return [Slimmed(image, False) for image in images]
+    return [_slim_mask(image, table, bounds, radius) for image in images]
+
+
+def _slim_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: float) -> Slimmed:
+    mask = image.mask
+    pixels = radius * image.camera.focal[0] / image.distance
+    shown = _core.estimate_mask_radius(mask)
+    if shown is None:
+        return Slimmed(image, False)
+    window = image.frame_mask(_MARGIN + int(_AROUND * pixels))
+    part = image.cropped(window)
+    own = part.mask & segment_above_table(part, table, bounds, radius)
+    slim = _core.estimate_mask_radius(own) if own.any() else None
+    if slim is None or slim < _MIN_SHARE * pixels:
+        return Slimmed(image, False)
+    speck = _SPECK * pixels**2
+    whole = _count_pieces(own, speck) <= _count_pieces(part.mask, speck)
+    if not whole or _measure_cover(part.mask, own, max(shown - slim, 0.0) + _REACH) < _MIN_COVERED:
+        return Slimmed(image, False)
+    if slim > _MIN_WIDE * shown:
+        return Slimmed(image, True)
+    if shown < max(slim + MIN_WIDER, _MIN_WIDER_SHARE * slim) or shown > MAX_SHARE * pixels:
+        return Slimmed(image, False)
+    found = np.zeros_like(mask)
+    found[window] = own
+    return Slimmed(replace(image, labels=found), False)
+
+
+def _count_pieces(mask: NDArray[np.bool_], least: float) -> int:
+    """Return the number of connected pieces of a mask that have at least so many pixels."""
+    sizes = np.bincount(_core.number_blobs(mask).ravel())[1:]
+    return int(np.count_nonzero(sizes >= least))
+
+
+def _measure_cover(mask: NDArray[np.bool_], own: NDArray[np.bool_], reach: float) -> float:
+    """Return the share of a mask that is within a reach, pixels, of a part of it."""
+    away = _core.measure_edge_distances(~own, int(reach) + 2)
+    return float(np.mean(away[mask] <= reach))
