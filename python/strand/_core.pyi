@@ -232,8 +232,13 @@ class ImageFit:
 @final
 class RopeImages:
     def __new__(
-        cls, depths: Sequence[ArrayLike], masks: Sequence[_Bools], cameras: Sequence[_Camera],
-        poses: Sequence[ArrayLike], radius: float, mask_radii: Sequence[float | None] | None = None,
+        cls,
+        depths: Sequence[ArrayLike],
+        masks: Sequence[_Bools],
+        cameras: Sequence[_Camera],
+        poses: Sequence[ArrayLike],
+        radius: float,
+        mask_radii: Sequence[float | None] | None = None,
     ) -> RopeImages: ...
     @property
     def shown(self) -> _Floats: ...

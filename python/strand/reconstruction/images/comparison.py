@@ -20,12 +20,12 @@ from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 
 # the cost of a hypothesis
-_UNCOVERED_COST = 1.0  # per squared radius of mask that no rope covers
+_UNCOVERED_COST = 1.5  # per squared radius of mask that no rope covers
 _OUTSIDE_COST = 1.0  # per squared radius of tube outside masks
 _DEPTH_COST = 0.4  # per squared residual of depth
 _BEND_COST = 5.0  # per integral of squared curvature, 1 / radii
 _BEND_CHANGE_COST = 20.0  # per integral of squared change of curvature, 1 / radii³
-_READING_COST = 0.3  # per cost of the reading of the image
+_READING_COST = 0.5  # per cost of the reading of the image
 ROPE_COST = 6.0  # per rope
 _FREE_COST = 2.0  # per radius of rope in free space
 _MIN_FREE_NODES = 8  # nodes: shorter stretches in free space cost nothing

@@ -15,8 +15,9 @@ from strand.views.depth_image import DepthImage
 
 _SEEN_HEIGHT = 0.85  # of a rope's height above its table: matchers and mixed pixels pull it down
 _SD = 0.15  # of the radius: masks are a pixel too wide or too narrow, and depth is pulled
-_MIN_SHARE = 0.5  # of the radius by the mask's area: the least radius by height that counts
+_MIN_SHARE = 0.5  # of the radius by another measure: the least radius that counts
 _MAX_SHARE = 1.5  # of the same: the largest
+_MAX_BY_AREA = 2.0  # of the radius by a mask's widths, which raggedness makes smaller: the largest
 _ROUNDS = 3  # readings of the mask by the radius that the one before shows
 _SAME = 0.05  # relative change of the radius: with less it has settled
 
@@ -50,20 +51,32 @@ def _estimate_by_area(image: DepthImage) -> tuple[float, list[Array]]:
     pixels = _core.estimate_mask_radius(image.mask)
     if pixels is None or np.isnan(image.distance):
         raise NotEnoughDataError("views: the masks show no rope with depth")
-    radius = pixels * image.distance / image.camera.focal[0]
-    (fine,), _ = magnify_thin_ropes([image], radius)
-    scale = fine.distance / fine.camera.focal[0]
+    shown = pixels * image.distance / image.camera.focal[0]
+    radius, chains = _measure_area(image, shown)
+    # ragged masks show a radius that is too small, but not that of thin ropes once they are read
+    (fine,), factor = magnify_thin_ropes([image], radius)
+    if factor > 1:
+        radius, places = _measure_area(fine, shown)
+        chains = [image.camera.convert(nodes, fine.camera) for nodes in places]
+    return radius, chains
+
+
+def _measure_area(image: DepthImage, shown: float) -> tuple[float, list[Array]]:
+    """Return the radius by a mask's area and its ropes; `shown` is the radius by its widths, metres."""
+    scale = image.distance / image.camera.focal[0]
+    radius = shown
     chains: list[Array] = []
     for _ in range(_ROUNDS):
-        readings = prepare_images([fine], radius).find_readings(None, 1, [0])
+        readings = prepare_images([image], radius).find_readings(None, 1, [0])
         chains = [nodes for _, _, ropes, _ in readings for nodes in ropes]
         if not chains:
             break
         length = sum(float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum()) for nodes in chains)
-        before, radius = radius, np.count_nonzero(fine.mask) / (2.0 * length) * scale
+        by_area = np.count_nonzero(image.mask) / (2.0 * length) * scale
+        before, radius = radius, float(np.clip(by_area, _MIN_SHARE * shown, _MAX_BY_AREA * shown))
         if abs(radius / before - 1.0) < _SAME:
             break
-    return radius, [image.camera.convert(nodes, fine.camera) for nodes in chains]
+    return radius, chains
 
 
 def _measure_height(image: DepthImage, axis: Array, table: Plane) -> float:
