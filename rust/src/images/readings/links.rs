@@ -5,6 +5,7 @@ use super::network::{Network, Port, Skeleton};
 use super::planar::{Place, bending, distance, hermite, length, resampled, smoothed, unit};
 use crate::geometry::banded::{Bordered, PLANAR};
 use crate::images::silhouette::{Edge, Silhouette};
+use crate::images::surroundings::Shown;
 
 pub const STEP: f64 = 0.5; // distance between the nodes of a curve, image radii
 pub const TAIL: usize = 8; // nodes of a segment that are fitted together with a curve through its zone
@@ -16,6 +17,8 @@ const NEAR: usize = 3; // nodes on each side of the last nearest one in which th
 pub const BENDING: f64 = 3.0; // cost of bending, for each r ∫ κ² ds
 pub const CHANGE: f64 = 5.0; // cost of changes of bending, for each r³ ∫ κ'² ds
 const OUTSIDE: f64 = 1.5; // cost of tube outside the mask
+const WITHIN: f64 = 0.8; // distance of an axis from the mask's edge, inside, image radii: its tube is in the mask
+const MAX_OUTSIDE: f64 = 1.8; // image radii that the tube leaves the mask: farther away are gaps
 const KINK: f64 = 5.0; // cost of a kink
 const MAX_TURN: f64 = 1.0; // a larger turn between nodes is a kink, radians
 const FREE_END: f64 = 5.0; // cost of an end inside a zone
@@ -262,17 +265,34 @@ pub fn make_link(
 
 /// Prices a curve: bending, its change, tube outside the mask, kinks.
 pub fn price_curve(silhouette: &Silhouette, p: &[Place]) -> f64 {
-    let radius_px = silhouette.radius_px;
-    let (bent, change) = bending(p, radius_px);
+    let bare = |x: Place| if silhouette.hidden(x) { 0.0 } else { leave(silhouette, x).max(0.0) };
+    price_bends(silhouette, p) + OUTSIDE * p.iter().map(|&x| bare(x)).sum::<f64>() * STEP
+}
+
+/// Prices a rope's whole course: as a curve, but farther from the mask only where the camera saw through.
+///
+/// The rest of a gap is priced where pieces are joined.
+pub fn price_course(silhouette: &Silhouette, p: &[Place]) -> f64 {
     let bare = |x: Place| {
-        if silhouette.hidden(x) { 0.0 } else { (0.8 - silhouette.distance(x) / radius_px).max(0.0) }
+        let out = leave(silhouette, x).max(0.0);
+        let gap = out > MAX_OUTSIDE && !matches!(silhouette.shown(x), Shown::Behind);
+        if gap || silhouette.hidden(x) { 0.0 } else { out.min(MAX_OUTSIDE) }
     };
-    let outside: f64 = p.iter().map(|&x| bare(x)).sum::<f64>() * STEP;
+    price_bends(silhouette, p) + OUTSIDE * p.iter().map(|&x| bare(x)).sum::<f64>() * STEP
+}
+
+/// How far the tube around a place leaves the mask, image radii; negative inside.
+fn leave(silhouette: &Silhouette, x: Place) -> f64 {
+    WITHIN - silhouette.distance(x) / silhouette.radius_px
+}
+
+fn price_bends(silhouette: &Silhouette, p: &[Place]) -> f64 {
+    let (bent, change) = bending(p, silhouette.radius_px);
     let sharp = p.windows(3).any(|w| {
         let (d, e) = ([w[1][0] - w[0][0], w[1][1] - w[0][1]], [w[2][0] - w[1][0], w[2][1] - w[1][1]]);
         (d[0] * e[1] - d[1] * e[0]).atan2(d[0] * e[0] + d[1] * e[1]).abs() > MAX_TURN
     });
-    BENDING * bent + CHANGE * change + OUTSIDE * outside + if sharp { KINK } else { 0.0 }
+    BENDING * bent + CHANGE * change + if sharp { KINK } else { 0.0 }
 }
 
 /// Makes a rope's end inside a zone: straight from a port as far as the mask reaches. A stub may be dropped.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::ends::lead_on;
 use super::gaps::join_pieces;
-use super::links::{TAIL, Votes, price_curve};
+use super::links::{TAIL, Votes, price_course};
 use super::network::{Network, SPURS, Skeleton};
 use super::pairings::{Pairings, UNCOVERED, rank_pairings};
 use super::planar::{Place, cleaned, distance, length, resampled};
@@ -113,7 +113,7 @@ pub fn find_readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize)
 
 /// Prices the reading with these chains, without its ends, kisses and gaps.
 pub fn price(silhouette: &Silhouette, chains: &[Vec<Place>]) -> f64 {
-    let bent: f64 = chains.iter().map(|c| price_curve(silhouette, c)).sum();
+    let bent: f64 = chains.iter().map(|c| price_course(silhouette, c)).sum();
     bent + UNCOVERED * find_uncovered(silhouette, chains).0
 }
 
