@@ -12,6 +12,7 @@ import numpy as np
 
 from strand.batch.shards import VERSION_KEY, list_shards
 from strand.batch.table import SCHEMA_VERSION, make_schema
+from strand.geometry.plane import Plane
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import ModelWarning
 from strand.ropes.model import Model
@@ -72,9 +73,9 @@ def load_models(out: str | os.PathLike[str]) -> Iterator[tuple[str, int, Model]]
     recording : str
     frame : int
     model : Model
-        It has the table's contents: chains with covariances and confidences, the model's confidence and
-        warnings. It has no poses, curves, doubts, joins and alternatives. A warning names the chains in
-        whose rows it stands, and has no place, amount or view.
+        It has the table's contents: chains with covariances and confidences, the model's confidence, `up`,
+        `table` and warnings. It has no poses, curves, doubts, joins and alternatives. A warning names the
+        chains in whose rows it stands, and has no place, amount or view.
 
     Raises
     ------
@@ -158,12 +159,14 @@ def _make_model(path: Path, rows: Sequence[dict[str, Any]]) -> Iterator[tuple[st
     try:
         chains = tuple(_make_chain(row) for row in rows if row["rope"] is not None)
         warnings = tuple(_make_warnings(rows))
-        confidence = rows[0]["model_confidence"]
+        confidence, table = rows[0]["model_confidence"], rows[0]["table"]
         model = Model(
             chains,
             np.empty((0, 4, 4)),
             warnings=warnings,
             confidence=float("nan") if confidence is None else confidence,
+            up=rows[0]["up"],
+            table=None if table is None else Plane(np.array(table[:3]), table[3]),
         )
     except (TypeError, ValueError) as error:
         raise FileFormatError.from_error(path, error) from error

@@ -111,7 +111,7 @@ def _make_model_rows(
     unit: Unit, number: int, stamp: float | None, model: Model, seconds: float
 ) -> Iterator[Row]:
     """Yield a row for each chain of a model, or one row if it has none."""
-    crossings = list_crossings(model.chains, (0, 0, 1), model.doubts)
+    crossings = list_crossings(model.chains, model.up, model.doubts)
     warnings = [
         ({k for k in warning.chains if k < len(model.chains)}, f"{warning.kind}: {warning.message}")
         for warning in model.warnings
@@ -127,4 +127,6 @@ def _make_model_rows(
             model.confidence,
             [text for about, text in warnings if rope in about or not about],
             [crossing for crossing in crossings if crossing.over[0] == rope],
+            up=model.up,
+            table=model.table,
         )

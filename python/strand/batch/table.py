@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from strand.geometry.plane import Plane
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import Crossing
 from strand.support.checks import Array
 from strand.support.extras import import_extra
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Version of the columns, which shards hold in their metadata as `strand.schema`."""
 
 VARYING_COLUMN = "seconds"
@@ -46,6 +47,10 @@ class Row:
         The crossings at which this rope is on top.
     error : str or None
         "Kind: message" if there is no answer.
+    up : (3,) ndarray or None
+        `Model.up`; None without a model.
+    table : Plane or None
+        `Model.table`.
     """
 
     recording: str
@@ -58,6 +63,8 @@ class Row:
     warnings: Sequence[str] = ()
     crossings: Sequence[Crossing] = ()
     error: str | None = None
+    up: Array | None = None
+    table: Plane | None = None
 
 
 @cache
@@ -100,6 +107,8 @@ def make_schema() -> Any:
             pa.field("closed", pa.bool_()),
             pa.field("confidence", pa.float64()),
             pa.field("model_confidence", pa.float64()),
+            pa.field("up", place),
+            pa.field("table", place),
             pa.field("warnings", pa.list_(pa.string()), nullable=False),
             pa.field("crossings", pa.list_(crossing)),
             pa.field("version", pa.string(), nullable=False),
@@ -130,6 +139,10 @@ def make_record_batch(rows: Sequence[Row], version: str, configuration: str) -> 
         "closed": [None if chain is None else chain.closed for chain in chains],
         "confidence": [None if chain is None else _replace_nan(chain.confidence) for chain in chains],
         "model_confidence": [_replace_nan(row.model_confidence) for row in rows],
+        "up": [None if row.up is None else row.up.tolist() for row in rows],
+        "table": [
+            None if row.table is None else [*row.table.normal.tolist(), row.table.offset] for row in rows
+        ],
         "warnings": [[_escape_bytes(text) for text in row.warnings] for row in rows],
         "crossings": [
             None if row.chain is None else [_convert_crossing(crossing) for crossing in row.crossings]

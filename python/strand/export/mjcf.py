@@ -19,7 +19,12 @@ _CABLE = "mujoco.elasticity.cable"
 
 
 def make_mjcf(
-    chains: Sequence[Line], version: int, spacing: float | None, density: float, young: float
+    chains: Sequence[Line],
+    version: int,
+    spacing: float | None,
+    density: float,
+    young: float,
+    gravity: Array | None,
 ) -> bytes:
     """Return a MuJoCo model, see `strand.Model.save_mjcf`."""
     version = check_integer("version", version, 3, 4)
@@ -27,7 +32,9 @@ def make_mjcf(
     model = ElementTree.Element("mujoco", model="strand")
     # rods of version 4 need the discrete one; in version 3 the other damps joints implicitly
     integrator = "implicitfast" if version == 3 else "discrete"
-    ElementTree.SubElement(model, "option", integrator=integrator)
+    option = ElementTree.SubElement(model, "option", integrator=integrator)
+    if gravity is not None:
+        option.set("gravity", format_numbers(gravity))
     if version == 3:
         extension = ElementTree.SubElement(model, "extension")
         ElementTree.SubElement(extension, "plugin", plugin=_CABLE)

@@ -14,6 +14,7 @@ from strand.ropes.chain import Chain
 from strand.ropes.crossings import Crossing
 from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
 from strand.ropes.model import FORMAT, VERSION, Model
+from strand.ropes.seen_side import USUAL_UP, check_table, check_up
 from strand.support.checks import check_integer, check_number, check_sequence
 from strand.support.files import JSON_BYTES, FileFormatError, describe_value, open_file, parse_json, read_json
 from strand.views.sensor import Sensor
@@ -37,7 +38,8 @@ def load_model(path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> 
     Returns
     -------
     Model
-        Equal to the saved one, bit for bit, but without stages.
+        Equal to the saved one, bit for bit, but without stages. A file from before models had `up` and
+        `table` gives `up` (0, 0, 1), as its crossings, and no table.
 
     Raises
     ------
@@ -121,6 +123,12 @@ def _parse_model(path: str | os.PathLike[str], data: Any) -> Model:
         values["confidence"] = _parse_confidence(data["confidence"])
     with _locate_errors(path, "sensor"):
         values["sensor"] = None if data.get("sensor") is None else Sensor(**data["sensor"])
+    with _locate_errors(path, "up"):
+        # older files have none: their crossings are seen along z
+        values["up"] = check_up("up", data.get("up", USUAL_UP))
+    with _locate_errors(path, "table"):
+        table = data.get("table")
+        values["table"] = None if table is None else check_table("table", (table["normal"], table["offset"]))
     with _locate_errors(path, None):
         return Model(method=data["method"], branch=data["branch"], **values)
 

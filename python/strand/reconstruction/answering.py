@@ -13,6 +13,7 @@ from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
 from strand.reconstruction.observing import Hints, Scene
 from strand.reconstruction.orientation import oriented
 from strand.reconstruction.stages import Found, Run
+from strand.reconstruction.upwards import find_up
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.ropes.model import Model
@@ -35,17 +36,20 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
     """
     poses, pose_sd = _collect_poses(scene, found)
     stages = _collect_stages(scene, found) if keep_stages else {}
-    chains = oriented(found.chains[: hints.prior.ropes], hints.previous)
+    earlier = () if hints.previous is None else hints.previous.chains
+    chains = oriented(found.chains[: hints.prior.ropes], earlier)
+    upwards = find_up(scene, found, chains, hints.previous)
     against = find_contradictions(chains, found.chains[len(chains) :], hints.prior, found.all_rings)
     if scene.tables:
         against += doubt_ends_at_edge(chains, scene.extract.whole, scene.tables)
-    for doubt, about in against:
+    for doubt, about in [*against, *((doubt, ()) for doubt in upwards.doubts)]:
         run.warn(doubt.kind, doubt.reason, doubt.place, doubt.amount, about)
     doubts = sorted(
         [
             *(found.doubts or ()),
             *(doubt for doubt, _ in against),
             *scene.mask_doubts,
+            *upwards.doubts,
             *_doubt_haste(run),
         ],
         key=lambda doubt: -doubt.amount,
@@ -64,6 +68,8 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
         method=hints.config.method,
         branch=found.branch,
         sensor=found.sensor,
+        up=upwards.up,
+        table=upwards.table,
     )
 
 

@@ -24,8 +24,8 @@ from strand.reconstruction.outliers import drop_outliers
 from strand.reconstruction.radius import Radii, find_thinnest, measure_radii
 from strand.reconstruction.stages import Observed, Run
 from strand.reconstruction.wide_surfaces import describe_surface
-from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
+from strand.ropes.model import Model
 from strand.support.checks import round_to_millimeters
 from strand.views.box import Box
 from strand.views.extract import Extract
@@ -48,15 +48,15 @@ class Hints:
         The extraction range, metres.
     prior : Prior
     config : Config
-    previous : tuple of Chain
-        Chains of an earlier model of the same ropes.
+    previous : Model or None
+        An earlier model of the same ropes.
     """
 
     radii: Radii | None
     bounds: Box | None
     prior: Prior
     config: Config
-    previous: tuple[Chain, ...]
+    previous: Model | None
 
 
 @dataclass(frozen=True, eq=False)

@@ -142,7 +142,7 @@ def _check(
         )
     box = None if bounds is None else make_box(bounds)
     prior = Prior.from_caller(ropes, length, box, config.known)
-    return Hints(radii, box, prior, config, () if previous is None else previous.chains)
+    return Hints(radii, box, prior, config, previous)
 
 
 def _start(begun: float, progress: Callable[[str], None] | None, deadline: float | None) -> Run:

@@ -19,7 +19,6 @@ _MAX_TANGENT = np.tan(np.radians(70.0))  # points at larger angles to the view's
 _OUTER_SHARE = 0.005  # of the points on each side that may lie outside the image
 _MARGIN = 0.1  # around the points, of the image's side
 _MIN_SPAN = 1e-6  # of the points, as a tangent
-_MIN_SIDE_LENGTH = 1e-6  # of the sum of unit vectors; cameras all around give less
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,12 +102,3 @@ def _make_camera(view: View, pose: Array) -> Camera | None:
     np.minimum.at(depth, (rows[inside], columns[inside]), z[inside])
     depth[np.isinf(depth)] = 0.0
     return Camera(pose @ turned, Pinhole((focal, focal), (left, top)), depth, True)
-
-
-def find_seen_side(points: Array, viewpoints: Array) -> Array:
-    """Return the (3,) unit vector from points towards most of the cameras; z if these are all around."""
-    rays = viewpoints - points.mean(axis=0)
-    lengths = np.linalg.norm(rays, axis=1, keepdims=True)
-    side = (rays / np.maximum(lengths, 1e-300)).sum(axis=0)
-    length = float(np.linalg.norm(side))
-    return np.asarray(side / length) if length > _MIN_SIDE_LENGTH else np.array([0.0, 0.0, 1.0])

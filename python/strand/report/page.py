@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import strand._core as _core
-from strand.report.cameras import Camera, find_seen_side, make_cameras
+from strand.report.cameras import Camera, make_cameras
 from strand.report.drawing import pick_spread
 from strand.report.drawn_chains import compute_deviations
 from strand.report.overlay import MAX_CHAINS, draw_overlay
@@ -199,12 +199,10 @@ def _tabulate_chains(model: Model) -> str:
 
 
 def _tabulate_crossings(model: Model) -> str:
-    """Return the table of crossings as the cameras see them; empty without any."""
+    """Return the table of crossings, seen from above; empty without any."""
     if not model.chains:
         return ""
-    nodes = np.concatenate([chain.points for chain in model.chains])
-    towards = find_seen_side(nodes, model.poses[:, :3, 3])
-    met = list_crossings(model.chains, towards, model.doubts)
+    met = list_crossings(model.chains, model.up, model.doubts)
     rows = [
         (
             *(f"chain {chain} at {1e3 * s:.0f} mm" for chain, s in (one.over, one.under)),
@@ -219,7 +217,7 @@ def _tabulate_crossings(model: Model) -> str:
     ]
     head = ["over", "under", "height / mm", "gap / mm", "angle", "sign", "probability", "where / mm"]
     table = _format_table(head, rows, len(met))
-    side = ", ".join(f"{x:.2f}" for x in towards)
+    side = ", ".join(f"{x:.2f}" for x in model.up)
     seen = f"The direction of view is against ({side}). The probability is that of the order."
     return table and f'{table}<p class="note">{seen}</p>'
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand._core import StrandError
-from strand.report.cameras import find_seen_side, make_cameras
+from strand.report.cameras import make_cameras
 from strand.report.drawn_chains import close_path, pick_color
 from strand.report.page import place_points
 from strand.ropes.crossings import list_crossings
@@ -137,8 +137,7 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
             )
     radius = float(np.median([chain.radius for chain in model.chains])) if model.chains else 0.005
     if len(nodes):
-        towards = find_seen_side(nodes, model.poses[:, :3, 3])
-        met = list_crossings(model.chains, towards, model.doubts)
+        met = list_crossings(model.chains, model.up, model.doubts)
         if met:
             places, orders = zip(*((crossing.place, str(crossing)) for crossing in met), strict=True)
             log("crossings", rerun.Points3D(places, radii=radius, colors=[_CROSSING], labels=orders))

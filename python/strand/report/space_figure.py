@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand.geometry.polyline import find_runs
-from strand.report.cameras import Camera, find_seen_side
+from strand.report.cameras import Camera
 from strand.report.drawing import INK, pick_spread
 from strand.report.drawn_chains import compute_deviations
 from strand.report.plotly_traces import Pen, join_with_gaps, pack_numbers
@@ -20,6 +20,7 @@ from strand.ropes.chain import Chain
 from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
 from strand.ropes.notebook import PALETTE
+from strand.ropes.seen_side import find_seen_side
 from strand.support.checks import Array
 
 # these keep the page small: a point takes 16 bytes, a node 80
@@ -98,7 +99,7 @@ def make_space_figure(
         points
         + chains
         + _draw_unseen(pen, lines)
-        + _draw_places(pen, model, towards)
+        + _draw_places(pen, model)
         + _draw_truth(pen, truth)
         + stood
     )
@@ -233,7 +234,7 @@ def _draw_unseen(pen: Pen, lines: Sequence[_Line]) -> list[dict[str, Any]]:
     return [trace]
 
 
-def _draw_places(pen: Pen, model: Model, towards: Array) -> list[dict[str, Any]]:
+def _draw_places(pen: Pen, model: Model) -> list[dict[str, Any]]:
     """Draw ends, crossings, doubts and joins."""
     ends = [
         (place, f"chain {i} {what}")
@@ -241,7 +242,7 @@ def _draw_places(pen: Pen, model: Model, towards: Array) -> list[dict[str, Any]]
         if not chain.closed
         for place, what in ((chain.points[0], "starts"), (chain.points[-1], "ends"))
     ]
-    met = list_crossings(model.chains, towards, model.doubts)
+    met = list_crossings(model.chains, model.up, model.doubts)
     crossed = [(crossing.place, str(crossing)) for crossing in met]
     doubts = [
         (doubt.place, f"{doubt.kind}, weight {doubt.amount:.3f}: {doubt}")

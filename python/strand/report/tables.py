@@ -205,7 +205,7 @@ def describe_chains(model: Model) -> str:
 
 def describe_crossings(model: Model) -> str:
     """Format the crossings seen from above: strands, gap, angle, sign and probability; empty without any."""
-    met = list_crossings(model.chains, (0, 0, 1), model.doubts)
+    met = list_crossings(model.chains, model.up, model.doubts)
     rows = [
         (
             *(f"{chain} at {s * 1e3:.1f}" for chain, s in (one.over, one.under)),

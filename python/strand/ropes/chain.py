@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from strand.geometry.line import Line
 from strand.ropes.crossings import Crossing, find_crossings, list_crossings
+from strand.ropes.diagram import Diagram, knot_diagram
 from strand.ropes.doubt import Doubt
 from strand.ropes.knots import Knot, name_knot
 from strand.ropes.notebook import make_html
+from strand.ropes.seen_side import USUAL_UP, check_up
 from strand.ropes.shape import ShapeError, compare_shapes
-from strand.support.checks import check_finite_array, check_fraction_or_nan, check_instances
+from strand.support.checks import Array, check_finite_array, check_fraction_or_nan, check_instances
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,6 +44,9 @@ class Chain(Line):
         Probability that this rope runs as the chain says, from 0 to 1; NaN if the method does not say.
     doubts : tuple of Doubt
         Those of the model's doubts that are about this chain, the greatest first.
+    up : (3,) array_like of float
+        The default direction of `crossings`, `knot` and `diagram`, world frame, of any length but zero: z
+        unless given. The chains of a model have the model's `up`.
 
     Raises
     ------
@@ -69,24 +74,33 @@ class Chain(Line):
 
     confidence: float = float("nan")
     doubts: tuple[Doubt, ...] = ()
+    up: Array = field(default_factory=lambda: USUAL_UP)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "confidence", check_fraction_or_nan("confidence", self.confidence))
         object.__setattr__(self, "doubts", check_instances("doubts", self.doubts, Doubt))
+        object.__setattr__(self, "up", check_up("up", self.up))
 
     def _repr_html_(self) -> str:
         """Return HTML for notebooks: a small plot of the chain, and its numbers."""
-        return make_html([self], [repr(self)])
+        return make_html([self], [repr(self)], self.up)
 
-    def crossings(self, direction: ArrayLike = (0, 0, 1)) -> tuple[Crossing, ...]:
+    def crossings(self, direction: ArrayLike | None = None) -> tuple[Crossing, ...]:
         """Find where the rope crosses itself as seen from a direction, see `Model.crossings`.
 
-        The number of the chain is 0 in the result.
+        The number of the chain is 0 in the result. The default direction is `up`.
         """
-        return find_crossings([self], direction, self.doubts)
+        return find_crossings([self], self.up if direction is None else direction, self.doubts)
 
-    def knot(self, *, crossings: ArrayLike | None = None, direction: ArrayLike = (0.0, 0.0, 1.0)) -> Knot:
+    def diagram(self, direction: ArrayLike | None = None) -> Diagram:
+        """Return all crossings of the rope in the codes of knot theory, see `strand.knot_diagram`.
+
+        The default direction is `up`.
+        """
+        return knot_diagram(self.points, self.closed, direction=self.up if direction is None else direction)
+
+    def knot(self, *, crossings: ArrayLike | None = None, direction: ArrayLike | None = None) -> Knot:
         """Name the knot in the rope, along the straight segments between its nodes.
 
         Parameters
@@ -95,14 +109,15 @@ class Chain(Line):
             How sure the order at crossings is, as in `strand.knot`: two arc lengths along this chain, metres,
             and a probability each. An empty list means that all are sure. By default they are those of
             `crossings(direction)`. A chain without covariances, or with over 8,000 nodes, counts as exact.
-        direction : (3,) array_like of float
-            From the rope to the viewer of the crossings.
+        direction : (3,) array_like of float, optional
+            From the rope to the viewer of the crossings; `up` by default.
 
         Returns
         -------
         Knot
             Its core is in arc lengths of this chain, metres.
         """
+        direction = self.up if direction is None else direction
         arc = self._path_arcs if self.closed else self.arc_length
         if crossings is not None or self.covariance is None:
             return name_knot(self.points, self.closed, arc, crossings, direction)

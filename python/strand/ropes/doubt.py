@@ -36,6 +36,7 @@ DOUBTS = (
     "depth",
     "intrinsics",
     "viewpoint",
+    "beneath",
     "order",
     "uncovered",
     "count",
@@ -59,6 +60,7 @@ DOUBTS = (
 - "residuals": residuals are correlated along stretches of rope.
 - "view": a view saw through the ropes.
 - "depth", "intrinsics", "viewpoint": these look like a usual mistake.
+- "beneath": by the poses, the cameras look at the ropes from beneath.
 - "order": depth hardly decides which strand is on top at a crossing.
 - "uncovered": ropes and masks do not cover each other.
 - "count", "length", "ring": the ropes contradict what is known of them.

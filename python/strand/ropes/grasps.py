@@ -13,11 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from strand.geometry.frames import check_direction
 from strand.geometry.line import Line
+from strand.geometry.plane import Plane
 from strand.ropes.crossings import Crossing
-from strand.support.checks import Array, check_nonnegative, check_number, check_positive, check_sequence
-
-Table = tuple[Array, float]
-"""Unit normal n, (3,), and n.x of the table's top, metres."""
+from strand.ropes.seen_side import check_table
+from strand.support.checks import Array, check_nonnegative, check_positive
 
 _TURNS = np.radians([0.0, -15.0, 15.0, -30.0, 30.0])  # radians: tried turns of the approach about the rope
 _OPENINGS = (1.0, 0.5, 0.2, 0.0)  # tried openings, as fractions between the least and the greatest
@@ -209,7 +208,10 @@ def find_grasps(
     """Find where a gripper can hold the ropes, see `Model.grasps`."""
     if not isinstance(gripper, Gripper):
         raise TypeError(f"gripper: expected a Gripper, got {type(gripper).__name__}")
-    towards, plane = check_direction("direction", direction), None if table is None else _check_table(table)
+    towards, plane = (
+        check_direction("direction", direction),
+        None if table is None else check_table("table", table),
+    )
     found: list[Grasp] = []
     refused: list[NoGrasp] = []
     if not chains:
@@ -230,15 +232,6 @@ def find_grasps(
             if kind:
                 refused.append(NoGrasp(i, (stretch[0], stretch[-1]), kind))
     return Grasps(tuple(sorted(found, key=lambda grasp: -grasp.score)), tuple(refused))
-
-
-def _check_table(table: tuple[ArrayLike, float]) -> Table:
-    given = check_sequence("table", table, "a normal and an offset")
-    if len(given) != 2:
-        raise ValueError(f"table: expected a normal and an offset, got {len(given)} values")
-    normal = check_direction("table[0]", given[0])
-    length = float(np.linalg.norm(np.asarray(given[0], dtype=np.float64)))
-    return normal, check_number("table[1]", given[1]) / length
 
 
 def _cut_steps(chains: Sequence[Line]) -> _Steps:
@@ -263,7 +256,7 @@ def _try_place(
     s: float,
     gripper: Gripper,
     steps: _Steps,
-    table: Table | None,
+    table: Plane | None,
     towards: Array,
     passes: Sequence[tuple[float, bool]],
 ) -> Grasp | str:
@@ -393,7 +386,7 @@ def _compute_norm(x: Array, y: Array, z: Array) -> Array:
 
 
 def _measure_height(
-    table: Table, place: Array, axes: Array, tip: float, width: float, gripper: Gripper
+    table: Plane, place: Array, axes: Array, tip: float, width: float, gripper: Gripper
 ) -> float:
     """Return the height of the lowest corner of fingers and palm above the table, metres."""
     normal, offset = table

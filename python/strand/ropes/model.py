@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,7 @@ from strand.export.spheres import Spheres, make_spheres
 from strand.export.urdf import make_urdf
 from strand.geometry.line import make_queries
 from strand.geometry.nearest import Nearest, find_nearest
+from strand.geometry.plane import Plane
 from strand.ropes.chain import Chain
 from strand.ropes.contacts import Contact, find_contacts
 from strand.ropes.crossings import Crossing, find_crossings, find_free_stretch, list_crossings
@@ -27,6 +28,7 @@ from strand.ropes.next_view import find_best_camera, find_weakest_place
 from strand.ropes.notebook import make_html
 from strand.ropes.pulls import PullPlan, plan_pulls
 from strand.ropes.queries import RayHits, SweepHits
+from strand.ropes.seen_side import USUAL_UP, check_table, check_up
 from strand.support.checks import (
     Array,
     check_choice,
@@ -50,6 +52,8 @@ SUFFIXES = ("json", "csv", "ply")
 
 _MAX_CHAINS_SHOWN = 3  # in the repr of a model
 _MAX_DOUBTS_SHOWN = 5  # in a notebook
+_GRAVITY = 9.81  # m/s^2
+_MIN_DOWNWARD = 0.1  # of `up` against z: with less, z may still be up, and the ropes hang on a wall
 _BRANCHES = ("tubes", "images")  # of the default method
 
 
@@ -89,6 +93,13 @@ class Model:
     sensor : Sensor or None
         The sensor's errors as measured on the ropes: `sd`, `correlation` and `step`, of readings of images
         also `bias` and `lateral`. `Config.sensor` takes it for similar scenes. None if not measured.
+    up : (3,) ndarray
+        Unit vector up from the table, world frame: the default direction of crossings, contacts, grasps and
+        pulls. Of a reconstruction it is the table's normal if the views show a table, else the side that the
+        cameras look from. z of the world frame unless given.
+    table : Plane or None
+        The table that the views show: its unit normal n towards the cameras, world frame, and n.x of its top,
+        metres. None if they show none.
 
     Raises
     ------
@@ -128,6 +139,8 @@ class Model:
     method: str | None = None
     branch: str | None = None
     sensor: Sensor | None = None
+    up: Array = field(default_factory=lambda: USUAL_UP)
+    table: Plane | None = None
 
     def __post_init__(self) -> None:
         for name, kind in (
@@ -151,6 +164,14 @@ class Model:
         if self.sensor is not None and not isinstance(self.sensor, Sensor):
             raise TypeError(f"sensor: expected a Sensor or None, got {type(self.sensor).__name__}")
         object.__setattr__(self, "confidence", check_fraction_or_nan("confidence", self.confidence))
+        object.__setattr__(self, "up", check_up("up", self.up))
+        if self.table is not None:
+            object.__setattr__(self, "table", check_table("table", self.table))
+        chains = (
+            chain if np.array_equal(chain.up, self.up) else replace(chain, up=self.up)
+            for chain in self.chains
+        )
+        object.__setattr__(self, "chains", tuple(chains))
 
     def __repr__(self) -> str:
         sure = "unknown" if np.isnan(self.confidence) else f"{self.confidence:.2f}"
@@ -169,7 +190,7 @@ class Model:
         lines = repr(self).splitlines() + [f"  {doubt}" for doubt in self.doubts[:_MAX_DOUBTS_SHOWN]]
         if len(self.doubts) > _MAX_DOUBTS_SHOWN:
             lines.append(f"  and {len(self.doubts) - _MAX_DOUBTS_SHOWN} more doubts")
-        return make_html(self.chains, lines, places)
+        return make_html(self.chains, lines, self.up, places)
 
     def next_view(self) -> Array:
         """Return the camera position (3,) that best sees the least certain place, world frame, metres.
@@ -279,7 +300,7 @@ class Model:
         """
         return SweepHits(*self._queries.swept_boxes(starts, ends, half_sizes))
 
-    def crossings(self, direction: ArrayLike = (0, 0, 1)) -> tuple[Crossing, ...]:
+    def crossings(self, direction: ArrayLike | None = None) -> tuple[Crossing, ...]:
         """Find all crossings of the ropes as seen from one side, and which strand is on top.
 
         A strand that meets itself within four radii of rope only bends. One that touches another in the image
@@ -287,17 +308,17 @@ class Model:
 
         Parameters
         ----------
-        direction : (3,) array_like
-            From the ropes to the viewer, world frame, of any length but zero; up by default.
+        direction : (3,) array_like, optional
+            From the ropes to the viewer, world frame, of any length but zero; `up` by default.
 
         Returns
         -------
         tuple of Crossing
             In order along the chains.
         """
-        return find_crossings(self.chains, direction, self.doubts)
+        return find_crossings(self.chains, self._choose_direction(direction), self.doubts)
 
-    def contacts(self, distance: float, direction: ArrayLike = (0, 0, 1)) -> tuple[Contact, ...]:
+    def contacts(self, distance: float, direction: ArrayLike | None = None) -> tuple[Contact, ...]:
         """Find where strands lie near each other without crossing.
 
         Each stretch along which two strands are near is one contact. A stretch belongs to a crossing while
@@ -309,7 +330,7 @@ class Model:
         ----------
         distance : float
             Greatest distance of the surfaces, metres, 0 or above.
-        direction : (3,) array_like
+        direction : (3,) array_like, optional
             As in `crossings`.
 
         Returns
@@ -317,10 +338,10 @@ class Model:
         tuple of Contact
             In order along the chains.
         """
-        return find_contacts(self.chains, distance, direction)
+        return find_contacts(self.chains, distance, self._choose_direction(direction))
 
     def segment_between_crossings(
-        self, chain: int, s: float, direction: ArrayLike = (0, 0, 1)
+        self, chain: int, s: float, direction: ArrayLike | None = None
     ) -> tuple[float, float]:
         """Return the stretch of a chain around a place without crossings.
 
@@ -330,7 +351,7 @@ class Model:
             Number of the chain.
         s : float
             Arc length of the place on it, metres.
-        direction : (3,) array_like
+        direction : (3,) array_like, optional
             As in `crossings`.
 
         Returns
@@ -347,8 +368,8 @@ class Model:
     def grasps(
         self,
         gripper: Gripper,
-        table: tuple[ArrayLike, float] | None = None,
-        direction: ArrayLike = (0, 0, 1),
+        table: tuple[ArrayLike, float] | Literal[False] | None = None,
+        direction: ArrayLike | None = None,
     ) -> Grasps:
         """Find where a gripper can hold the ropes and touches nothing else.
 
@@ -363,20 +384,23 @@ class Model:
         Parameters
         ----------
         gripper : Gripper
-        table : ((3,) array_like, float), optional
-            Normal n of the table, towards the gripper, and n.x of its top, metres, as in
-            `FoundRopes.tables`. Without it strand assumes no table.
-        direction : (3,) array_like
-            From the ropes to the gripper, of any length but zero; crossings are seen from there.
+        table : ((3,) array_like, float) or False, optional
+            Normal n of the table, towards the gripper, and n.x of its top, metres. By default it is the
+            model's `table`. False: strand assumes no table.
+        direction : (3,) array_like, optional
+            From the ropes to the gripper, of any length but zero; crossings are seen from there. By default
+            it is `up`.
 
         Returns
         -------
         Grasps
             The best grasp of each place, the best first, and the stretches without one, with the reason.
         """
-        return find_grasps(self.chains, gripper, self.crossings(direction), table, direction)
+        towards = self._choose_direction(direction)
+        plane = self.table if table is None else None if table is False else table
+        return find_grasps(self.chains, gripper, self.crossings(towards), plane, towards)
 
-    def pull_plan(self, direction: ArrayLike = (0, 0, 1)) -> PullPlan:
+    def pull_plan(self, direction: ArrayLike | None = None) -> PullPlan:
         """Plan the moves that take the ropes apart.
 
         There are four moves. A stretch that lies freely on another one is lifted off. An end next to a
@@ -390,15 +414,20 @@ class Model:
 
         Parameters
         ----------
-        direction : (3,) array_like
-            From the ropes to the gripper, of any length but zero; crossings are seen from there.
+        direction : (3,) array_like, optional
+            From the ropes to the gripper, of any length but zero; crossings are seen from there, and places
+            move at right angles to it. By default it is `up`: places move along the table.
 
         Returns
         -------
         PullPlan
             Empty if nothing crosses. Only its first move is sure: look again after it.
         """
-        return plan_pulls(self.chains, self.crossings(direction), direction)
+        towards = self._choose_direction(direction)
+        return plan_pulls(self.chains, self.crossings(towards), towards)
+
+    def _choose_direction(self, direction: ArrayLike | None) -> ArrayLike:
+        return self.up if direction is None else direction
 
     def capsules(self, error: float) -> Capsules:
         """Return the ropes as capsules for collision checks.
@@ -479,6 +508,7 @@ class Model:
         spacing: float | None = None,
         density: float = 1000.0,
         young: float = 1e6,
+        gravity: ArrayLike | None = None,
     ) -> None:
         """Write the ropes as a MuJoCo model in which they bend, fall and touch.
 
@@ -499,9 +529,15 @@ class Model:
         young : float
             Young's modulus against bending, Pa; a third of it counts against twist. A rope bends more easily
             than its material: 1e6 is a soft rope.
+        gravity : (3,) array_like, optional
+            Acceleration of gravity, world frame, m/s^2. By default it is 9.81 m/s^2 against z. If the cameras
+            look along z, as one without a pose does, it is 9.81 m/s^2 against `up`.
         """
         check_suffix(path, ("xml",))
-        write_bytes(path, make_mjcf(self.chains, version, spacing, density, young))
+        pull = None if gravity is None else check_small_array("gravity", gravity, (3,))
+        if pull is None and self.up[2] < -_MIN_DOWNWARD:
+            pull = -_GRAVITY * self.up
+        write_bytes(path, make_mjcf(self.chains, version, spacing, density, young, pull))
 
     def save_urdf(self, path: str | os.PathLike[str], error: float = 5e-4) -> None:
         """Write the ropes as rigid obstacles to a URDF file.
@@ -524,7 +560,11 @@ def describe_model(model: Model) -> dict[str, Any]:
     """Return the content of a model's JSON file, in JSON's types, without the large arrays of stages."""
     content = convert_to_json(replace(model, stages={}))
     del content["stages"]
-    crossings = convert_to_json(list_crossings(model.chains, (0, 0, 1), model.doubts))
+    for chain in content["chains"]:
+        # it is the model's
+        del chain["up"]
+    content["table"] = None if model.table is None else convert_to_json(model.table._asdict())
+    crossings = convert_to_json(list_crossings(model.chains, model.up, model.doubts))
     return {
         "format": FORMAT,
         "version": VERSION,

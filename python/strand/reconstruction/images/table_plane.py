@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
+from strand.geometry.plane import Plane as Plane
 from strand.support.checks import Array
 from strand.support.robust import estimate_deviation
 from strand.views.depth_image import DepthImage
@@ -48,32 +47,6 @@ _HALF_WINDOWS = (
     8,
     32,
 )  # pixels: half sides of squares whose mean depths show a table that single ones do not
-
-
-class Plane(NamedTuple):
-    """A plane as kernels take it.
-
-    Attributes
-    ----------
-    normal : (3,) ndarray
-        Unit normal towards the camera.
-    offset : float
-        `normal @ x` of points x on the plane, metres.
-    """
-
-    normal: Array
-    offset: float
-
-    def measure_heights(self, points: Array) -> Array:
-        """Return how far (..., 3) points are above the plane, (...) metres."""
-        return np.asarray(points @ self.normal - self.offset)
-
-    @property
-    def axes(self) -> Array:
-        """(3, 2) Two unit vectors at right angles in the plane."""
-        aside = np.cross(np.eye(3)[np.abs(self.normal).argmin()], self.normal)
-        aside /= np.linalg.norm(aside)
-        return np.column_stack([aside, np.cross(self.normal, aside)])
 
 
 def find_table(points: Array) -> Plane | None:
