@@ -72,6 +72,9 @@ def test_models_are_those_of_reconstruct(batch):
                     other.confidence,
                 )
             assert got.confidence == want.confidence
+            np.testing.assert_array_equal(got.up, want.up)
+            np.testing.assert_array_equal(got.table.normal, want.table.normal)
+            assert got.table.offset == want.table.offset
             about = {(w.kind, w.message) for w in want.warnings}
             assert {(w.kind, w.message) for w in got.warnings} == about
 

@@ -21,8 +21,8 @@ from strand.ropes.crossings import list_crossings
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)
 COLUMNS = (
     *("recording", "frame", "time", "rope", "nodes", "arc_length", "covariance", "radius", "closed"),
-    *("confidence", "model_confidence", "warnings", "crossings", "version", "configuration", "seconds"),
-    "error",
+    *("confidence", "model_confidence", "up", "table", "warnings", "crossings", "version", "configuration"),
+    *("seconds", "error"),
 )
 
 
@@ -52,7 +52,7 @@ def test_rows_hold_the_model_bit_for_bit(knot):
     assert batch.schema == make_schema()
     scene = strand.load_scene(knot)
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
-    crossings = list_crossings(model.chains, (0, 0, 1), model.doubts)
+    crossings = list_crossings(model.chains, model.up, model.doubts)
     assert len(batch) == len(model.chains) > 1
     assert len(crossings) > 0
     written = []
@@ -67,6 +67,8 @@ def test_rows_hold_the_model_bit_for_bit(knot):
             chain.confidence,
         )
         assert row["model_confidence"] == model.confidence
+        assert row["up"] == model.up.tolist()
+        assert row["table"] == [*model.table.normal, model.table.offset]
         about = [w for w in model.warnings if not w.chains or k in w.chains]
         assert row["warnings"] == [f"{one.kind}: {one.message}" for one in about]
         assert (row["version"], row["configuration"]) == (strand.__version__, settings.digest)

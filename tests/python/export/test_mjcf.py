@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import mujoco
@@ -169,3 +170,18 @@ def test_files_are_written_whole_or_not_at_all(tmp_path):
     assert [one.name for one in tmp_path.iterdir()] == ["ropes.xml"]
     MODEL.save_mjcf(str(path), young=2e6)  # a path as text; what exists is replaced
     assert path.read_bytes() != before
+
+
+def test_gravity_pulls_to_the_table_of_a_camera_without_a_pose(tmp_path):
+    up = np.array([0.0, -0.6, -0.8])
+    level = ElementTree.parse(write_model(tmp_path)).find("option")
+    assert "gravity" not in level.attrib
+    # before a wall z is still up
+    wall = ElementTree.parse(write_model(tmp_path, replace(MODEL, up=(1.0, 0.0, 0.0)))).find("option")
+    assert "gravity" not in wall.attrib
+    model, _ = load_mujoco(write_model(tmp_path, replace(MODEL, up=up)))
+    assert model.opt.gravity == pytest.approx(-9.81 * up)
+    model, _ = load_mujoco(write_model(tmp_path, gravity=(0.0, -1.6, 0.0)))
+    assert model.opt.gravity == pytest.approx([0.0, -1.6, 0.0])
+    with pytest.raises(ValueError, match="gravity"):
+        write_model(tmp_path, gravity=(0.0, 1.0))

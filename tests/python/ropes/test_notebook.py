@@ -29,6 +29,15 @@ def test_a_chain_is_drawn_in_the_plane_in_which_it_lies():
     assert "Chain(300.0 mm" in html
 
 
+def test_a_camera_without_a_pose_is_drawn_as_it_sees():
+    line = np.array([[0.0, 0.0, 0.5], [0.2, 0.0, 0.5], [0.2, 0.1, 0.5]])
+    model = strand.Model((strand.Chain(line, 0.004),), np.eye(4)[None], up=(0.0, 0.0, -1.0))
+    svg = parse_svg(model._repr_html_())
+    assert svg.find("title").text == "x to the right, y down; 200 mm across"
+    points = [tuple(map(float, p.split(","))) for p in svg.find("polyline").get("points").split()]
+    assert points == [(12.0, 12.0), (248.0, 12.0), (248.0, 130.0)]
+
+
 def test_a_model_is_drawn_with_its_doubts():
     doubts = tuple(Doubt("end", 0.1, ATTACK, ATTACK, [0.0, 0.01 * i, 0.0]) for i in range(7))
     chains = (draw_circle(0.05, 40, True), draw_circle(0.03, 40, False))
