@@ -67,7 +67,8 @@ def reconstruct(
         than 2 % and a radius raises a doubt, which lowers the confidence.
     previous : Model, optional
         An earlier model of the same ropes. Chains near its chains start at the same end. All others start at
-        the end that lies farther back along the direction (0.83, 0.47, 0.31).
+        the end that lies farther back along the direction (0.83, 0.47, 0.31). Where the views show no table,
+        the earlier model's `table` counts if the ropes lie above it.
     keep_stages : bool
         Whether to keep the arrays between the stages, in `Model.stages`:
 

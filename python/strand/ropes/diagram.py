@@ -68,7 +68,8 @@ def knot_diagram(
     closed : bool
         Whether the last node joins the first.
     direction : (3,) array_like of float
-        From the rope to the viewer, of any length.
+        From the rope to the viewer, of any length. Nodes alone do not say where up is, so z is the default;
+        `Chain.diagram` takes the chain's `up`.
 
     Returns
     -------

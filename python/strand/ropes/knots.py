@@ -110,7 +110,8 @@ def knot(
         sure. Crossings that only twist a strand do not matter. strand tries the ten least sure of the others
         both ways and takes the rest as right, so `probability` is a lower bound.
     direction : (3,) array_like of float
-        From the rope to the viewer of `crossings`; unused without them.
+        From the rope to the viewer of `crossings`; unused without them. Nodes alone do not say where up is,
+        so z is the default; `Chain.knot` takes the chain's `up`.
 
     Returns
     -------
