@@ -15,7 +15,7 @@ from strand.geometry.curve import Curve
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import Crossing
 from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
-from strand.ropes.model import Model
+from strand.ropes.model import Model, describe_model
 from strand.support.files import convert_to_json
 from strand.views.sensor import Sensor
 
@@ -208,8 +208,9 @@ def make_model() -> bytes:
         method="default",
         branch="tubes",
         sensor=Sensor(sd=0.001),
+        up=(0.0, -0.6, -0.8),
+        table=((0.0, -0.6, -0.8), -0.5),
     )
     crossing = Crossing((0, 0.05), (0, 0.01), np.ones(3), np.zeros(3), 0.009, 1e-4, 1e-3, 0.5, 1, 0.99)
-    content = convert_to_json(made) | {"crossings": [convert_to_json(crossing)]}
-    del content["stages"]
-    return json.dumps({"format": "strand model", "version": 2, "units": "metres", **content}).encode()
+    content = describe_model(made) | {"units": "metres", "crossings": [convert_to_json(crossing)]}
+    return json.dumps(content).encode()

@@ -16,6 +16,7 @@ from strand.geometry.plane import Plane
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import ModelWarning
 from strand.ropes.model import Model
+from strand.ropes.seen_side import USUAL_UP
 from strand.support.checks import check_path, check_sequence, check_text
 from strand.support.extras import import_extra
 from strand.support.files import FileFormatError
@@ -165,7 +166,7 @@ def _make_model(path: Path, rows: Sequence[dict[str, Any]]) -> Iterator[tuple[st
             np.empty((0, 4, 4)),
             warnings=warnings,
             confidence=float("nan") if confidence is None else confidence,
-            up=rows[0]["up"],
+            up=USUAL_UP if rows[0]["up"] is None else rows[0]["up"],
             table=None if table is None else Plane(np.array(table[:3]), table[3]),
         )
     except (TypeError, ValueError) as error:

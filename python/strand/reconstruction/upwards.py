@@ -20,7 +20,7 @@ from strand.views.rope_images import make_rope_images
 from strand.views.view import View
 
 _MAX_POINTS = 20_000  # of a view without an image, in which a table is sought
-_LEVEL_COSINE = np.cos(np.radians(3.0))  # of the angle between a normal and z: a smaller angle is an error
+_LEVEL_COSINE = np.cos(np.radians(2.0))  # of the angle between a normal and z: a smaller angle is an error
 _MIN_FACING = 0.1  # cosine between the table's normal and the side that the cameras look from
 _MAX_FLATNESS = 0.25  # extent of flat ropes across their plane, over the smaller one along it
 _MIN_FLAT_FACING = 0.5  # cosine between the normal of flat ropes and the side that the cameras look from

@@ -120,7 +120,8 @@ def test_every_field_of_the_values_is_in_the_schema():
         ("sensor", strand.Sensor),
         ("crossing", Crossing),
     ):
-        fields = set(kind.__dataclass_fields__)
+        # the direction of chains is that of their model
+        fields = set(kind.__dataclass_fields__) - ({"up"} if name == "chain" else set())
         assert set(SCHEMA["$defs"][name]["properties"]) == set(SCHEMA["$defs"][name]["required"]) == fields
     fields = set(strand.Model.__dataclass_fields__) - {"stages"}
     assert set(SCHEMA["properties"]) == fields | {"format", "version", "units", "crossings"}
