@@ -26,7 +26,7 @@ def oriented(chains: Sequence[Chain], previous: Sequence[Chain] = ()) -> list[Ch
     """Return chains that start where they started before, or at the end that a rule chooses.
 
     By the rule, open chains start at the end that lies farther back along a fixed direction. Closed chains
-    start about where they lie farthest back, and run anticlockwise seen from above.
+    start about where they lie farthest back, and run anticlockwise seen from another fixed direction.
 
     Parameters
     ----------
