@@ -70,15 +70,18 @@ class Judgement:
 
 
 def judge_scene(
-    synthetic: SyntheticScene, *, give_radius: bool, give_ropes: bool
+    synthetic: SyntheticScene, *, give_radius: bool, give_ropes: bool, bare: bool = False
 ) -> tuple[Judgement, list[np.ndarray]]:
-    """Reconstruct a scene and compare it with the truth. Return the chains' nodes too."""
+    """Reconstruct a scene, or its bare points, and judge it by the truth. Return the chains' nodes too."""
+    views = synthetic.views
+    if bare:
+        views = tuple(strand.View(view.points, view.pose) for view in views)
     start = time.perf_counter()
     chains: list[np.ndarray] = []
     confidence, radius_error, error = 0.0, math.inf, ""
     try:
         model = strand.reconstruct(
-            synthetic.views,
+            views,
             synthetic.radius if give_radius else None,
             synthetic.bounds,
             ropes=len(synthetic.truth) if give_ropes else None,
@@ -122,6 +125,7 @@ def judge_scenes(
     *,
     give_radius: bool = True,
     give_ropes: bool = True,
+    bare: bool = False,
 ) -> list[Judgement]:
     """Judge scenes, print a row for each, and draw those that are not right into a folder."""
     # loads modules and starts threads, so that the first scene does not
@@ -130,7 +134,7 @@ def judge_scenes(
     print_head("scene", "topology", "chains", "Fréchet / r", "RMS mm", "crossings", "confidence", "ms")
     results = []
     for synthetic in scenes:
-        found, chains = judge_scene(synthetic, give_radius=give_radius, give_ropes=give_ropes)
+        found, chains = judge_scene(synthetic, give_radius=give_radius, give_ropes=give_ropes, bare=bare)
         results.append(found)
         print_row(
             found.scene,

@@ -3,6 +3,7 @@
 from strand.synthetic.camera import Camera, camera_pose
 from strand.synthetic.cluttered_scenes import cluttered_scene
 from strand.synthetic.depth_camera import CAMERAS, DepthCamera
+from strand.synthetic.frame_scenes import FRAMES, frame_scene
 from strand.synthetic.layout import Layout
 from strand.synthetic.noise import Noise, sense
 from strand.synthetic.random_curves import random_ropes
@@ -14,6 +15,7 @@ from strand.synthetic.shapes import SHAPES, shape
 
 __all__ = [
     "CAMERAS",
+    "FRAMES",
     "ROUGH",
     "SHAPES",
     "Camera",
@@ -24,6 +26,7 @@ __all__ = [
     "SyntheticScene",
     "camera_pose",
     "cluttered_scene",
+    "frame_scene",
     "random_ropes",
     "render_depth",
     "rough_scene",

@@ -52,7 +52,7 @@ class SyntheticScene:
     bounds : pair of (3,) ndarray
         Low and high corner of the extraction range in the world frame, metres.
     radius : float
-        The ropes' radius, metres.
+        The ropes' radius, metres; the mean of `radii` where they differ.
     truth : tuple of (M, 3) ndarray
         The ropes' true centrelines in the world frame, metres, from end to end.
     noise : float
@@ -60,6 +60,8 @@ class SyntheticScene:
         errors of the ropes' pixels (1.4826 times the median absolute error), systematic errors included.
     mask : (V, H, W) ndarray of bool or int, or None
         The ropes' pixels, as in `View.from_depth`; None without masks.
+    radii : tuple of float
+        The radius of each rope, metres.
     """
 
     name: str
@@ -73,6 +75,11 @@ class SyntheticScene:
     truth: tuple[Array, ...]
     noise: float
     mask: NDArray[np.bool_] | NDArray[np.integer[Any]] | None = None
+    radii: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.radii:
+            object.__setattr__(self, "radii", (self.radius,) * len(self.truth))
 
     @property
     def views(self) -> tuple[View, ...]:
@@ -86,8 +93,8 @@ class SyntheticScene:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an `.npz` file that `strand.load_scene` reads.
 
-        The file also holds `poses_true` and `noise`. The centrelines have single precision. If writing fails,
-        no partial file is left.
+        The file also holds `poses_true`, `noise` and `radii` that differ. The centrelines have single
+        precision. If writing fails, no partial file is left.
 
         Parameters
         ----------
@@ -114,6 +121,8 @@ class SyntheticScene:
             arrays[f"truth_{i}"] = nodes.astype(np.float32)
         if self.mask is not None:
             arrays["mask"] = self.mask
+        if len(set(self.radii)) > 1:
+            arrays["radii"] = np.array(self.radii)
         content = BytesIO()
         np.savez_compressed(content, **arrays)
         write_bytes(path, content.getvalue())
@@ -123,7 +132,7 @@ def scene(
     name: str | None = None,
     *,
     chains: Sequence[ArrayLike] | None = None,
-    radius: float = 0.0042,
+    radius: float | Sequence[float] = 0.0042,
     length: float | None = None,
     seed: int = 0,
     views: int = 7,
@@ -151,8 +160,8 @@ def scene(
     chains : sequence of (M, 3) array_like of float, optional
         Ropes to show instead of a shape: nodes in the world frame, metres, about 1 mm apart, around the
         origin, at least a radius above the table.
-    radius : float
-        The ropes' radius, metres.
+    radius : float or sequence of float
+        The ropes' radius, metres, or one of each chain.
     length : float, optional
         Length of a named shape, metres. By default it is proportional to the radius: 0.4 m for 4.2 mm, and
         0.72 m for "granny" and "square".
@@ -180,8 +189,8 @@ def scene(
         If an argument has the wrong type, or a chain does not hold floating point numbers.
     ValueError
         If there is no such shape, `length` is too short for the shape or is given with `chains`, `chains` is
-        empty or holds a rope that `render_depth` does not accept, `noise.flying` is given although the
-        camera imitates a device, or a number is out of its range.
+        empty or holds a rope that `render_depth` does not accept, the numbers of radii and of chains differ,
+        `noise.flying` is given although the camera imitates a device, or a number is out of its range.
 
     Examples
     --------
@@ -190,7 +199,7 @@ def scene(
     >>> made.depth.shape
     (2, 48, 64)
     """
-    radius = check_positive("radius", radius, LONGEST)
+    radius, radii = _check_radii(radius, chains)
     views = check_integer("views", views, 1, _MAX_VIEWS)
     camera, noise = _check_instance("camera", camera, Camera), _check_instance("noise", noise, Noise)
     layout = _check_instance("layout", layout, Layout)
@@ -215,7 +224,7 @@ def scene(
     images, masks, errors_on_ropes = [], [], []
     for pose in poses:
         seen_from = (camera.intrinsics, motion @ pose, camera.size, side)
-        exact = render_depth([*ropes, *bars], [radius] * len(ropes) + bar_radii, *seen_from)
+        exact = render_depth([*ropes, *bars], [*(radii or [radius] * len(ropes)), *bar_radii], *seen_from)
         if device is None:
             image = sense(
                 exact,
@@ -250,7 +259,21 @@ def scene(
         truth=truth,
         noise=depth_sd,
         mask=np.stack(masks) if masks else None,
+        radii=radii,
     )
+
+
+def _check_radii(
+    radius: float | Sequence[float], chains: Sequence[ArrayLike] | None
+) -> tuple[float, tuple[float, ...]]:
+    """Return the ropes' mean radius, metres, and that of each, or none where there is one for all."""
+    if isinstance(radius, (str, bytes)) or not isinstance(radius, (Sequence, np.ndarray)):
+        return check_positive("radius", radius, LONGEST), ()
+    radii = tuple(check_positive(f"radius[{i}]", each, LONGEST) for i, each in enumerate(radius))
+    if chains is None or len(radii) != len(chains):
+        count = "none" if chains is None else len(chains)
+        raise ValueError(f"radius: expected one number, or one for each chain ({count}), got {len(radii)}")
+    return float(np.mean(radii)), radii
 
 
 _Settings = TypeVar("_Settings")

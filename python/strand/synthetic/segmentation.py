@@ -31,6 +31,8 @@ class Segmentation:
     taken : float
         Number of background pixels in the mask, relative to the ropes' pixels, from 0 to 1. Half of them are
         next to a rope and make it thicker; the others are specks anywhere.
+    filled : float
+        Corners between strands, and gaps, that no disc of this radius, pixels, reaches into are in the mask.
     patch : float
         Standard deviation of the Gaussian that shapes the patches, pixels. A patch is about twice as wide.
 
@@ -47,10 +49,11 @@ class Segmentation:
     lost: float = 0.0
     taken: float = 0.0
     patch: float = 1.5
+    filled: float = 0.0
 
     def __post_init__(self) -> None:
         check_integer("grow", self.grow, -_MAX_GROWTH, _MAX_GROWTH)
-        for name in ("ragged", "patch"):
+        for name in ("ragged", "patch", "filled"):
             check_pixels(name, getattr(self, name))
         for name in ("lost", "taken"):
             if check_nonnegative(name, getattr(self, name)) > 1:
@@ -66,7 +69,8 @@ class Segmentation:
         rng : numpy.random.Generator
             The random number generator.
         """
-        mask = dilate(ropes, self.grow) if self.grow >= 0 else ~dilate(~ropes, -self.grow)
+        mask = _fill_corners(ropes, self.filled) if self.filled >= 1 else ropes
+        mask = dilate(mask, self.grow) if self.grow >= 0 else ~dilate(~mask, -self.grow)
         height, width = mask.shape
         if self.ragged > 0:
             v, u = np.mgrid[:height, :width]
@@ -81,6 +85,27 @@ class Segmentation:
         beside = _pick_greatest(patches, dilate(mask, _BESIDE) & ~mask, 0.5 * self.taken * count)
         specks = _pick_greatest(patches, ~mask & ~beside, 0.5 * self.taken * count)
         return (mask & ~lost) | beside | specks
+
+
+def _fill_corners(mask: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
+    """Return an (H, W) mask closed by a disc: dilated by it, then eroded."""
+    reach = math.floor(radius)
+    around = np.pad(mask, 2 * reach)
+    return ~_dilate_by_disc(~_dilate_by_disc(around, radius), radius)[
+        2 * reach : -2 * reach, 2 * reach : -2 * reach
+    ]
+
+
+def _dilate_by_disc(mask: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
+    reach = math.floor(radius)
+    height, width = mask.shape
+    around, result = np.pad(mask, reach, mode="edge"), np.zeros_like(mask)
+    for down in range(-reach, reach + 1):
+        for right in range(-reach, reach + 1):
+            if down * down + right * right <= radius * radius:
+                rows = slice(reach + down, reach + down + height)
+                result |= around[rows, reach + right : reach + right + width]
+    return result
 
 
 def _pick_greatest(values: NDArray[np.float64], among: NDArray[np.bool_], count: float) -> NDArray[np.bool_]:
