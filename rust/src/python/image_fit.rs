@@ -77,12 +77,13 @@ impl ImageFit {
         list(py, self.fit.biases.iter().map(|bias| -bias).collect())
     }
 
-    /// What it leaves unexplained: area of uncovered mask and of tube outside masks, squared image radii; sum of
-    /// squared depth residuals and number of independent ones; ∫κ² ds and ∫(dκ/ds)² ds, in radii.
+    /// What it leaves unexplained: areas of uncovered mask, of the tube's middle outside masks, and of its sides that
+    /// spill over their edge, squared image radii; sum of squared depth residuals and number of independent ones;
+    /// ∫κ² ds and ∫(dκ/ds)² ds, in radii.
     #[getter]
-    fn misfit(&self) -> [f64; 6] {
+    fn misfit(&self) -> [f64; 7] {
         let m = self.fit.misfit;
-        [m.uncovered, m.outside, m.depth, m.depths, m.bend, m.change]
+        [m.uncovered, m.outside, m.spilled, m.depth, m.depths, m.bend, m.change]
     }
 
     /// Crossings in the view in which it began: positions, world frame, metres, and the extra cost of the opposite

@@ -21,7 +21,8 @@ from strand.views.depth_image import DepthImage
 
 # the cost of a hypothesis
 _UNCOVERED_COST = 1.5  # per squared radius of mask that no rope covers
-_OUTSIDE_COST = 1.0  # per squared radius of tube outside masks
+_OUTSIDE_COST = 1.0  # per squared radius of the tube's middle outside masks
+_SPILLED_COST = 2.0  # per squared radius of the tube's sides that spill over the edge of masks
 _DEPTH_COST = 0.4  # per squared residual of depth
 _BEND_COST = 5.0  # per integral of squared curvature, 1 / radii
 _BEND_CHANGE_COST = 20.0  # per integral of squared change of curvature, 1 / radii³
@@ -159,9 +160,9 @@ def fit_and_rank(
     if not pairs:
         return []
     misfits = np.array([fit.misfit for _, fit in pairs])
-    uncovered, outside, depth, depths, bend, change = misfits.T
+    uncovered, outside, spilled, depth, depths, bend, change = misfits.T
     trust = min(1.0, float((depths / np.maximum(depth, 1e-9)).min()))
-    costs = _UNCOVERED_COST * uncovered + _OUTSIDE_COST * outside
+    costs = _UNCOVERED_COST * uncovered + _OUTSIDE_COST * outside + _SPILLED_COST * spilled
     costs += trust * (_DEPTH_COST * depth + _BEND_COST * bend + _BEND_CHANGE_COST * change)
     costs += (_READING_COST + 1.0 - trust) * np.array([reading.cost for reading, _ in pairs])
     costs += ROPE_COST * np.array([len(reading.chains) for reading, _ in pairs])

@@ -12,6 +12,9 @@ const COVERS: (f64, f64) = (1.2, 0.5);
 const CLOSED: f64 = 0.6;
 /// Tube within this distance of the axis must lie in the mask, image radii, less pixels.
 const FILLS: (f64, f64) = (0.7, 0.3);
+/// Tube farther from the axis spills over the mask's edge up to this distance, image radii. Beyond, edges are rough.
+const SPILLS: f64 = 0.9;
+const SPECK: f64 = 1.0; // distance of a mask's pixels at least from what is left of it without specks, pixels
 const NOISE: f64 = 0.5; // noise that divides depth residuals, radii
 const LIMIT: f64 = 6.0; // limit of a squared depth residual over the noise
 
@@ -29,22 +32,31 @@ pub fn add_view(
     let (covers, fills) = (COVERS.0 * radius_px + COVERS.1, FILLS.0 * radius_px - FILLS.1);
     let more = CLOSED * radius_px;
     let distances = Distances::new(view, &seen.image, curves, covers + more);
-    let (mut uncovered, mut outside) = (0, 0);
+    let spills = SPILLS * radius_px.min(view.silhouette.shown_px);
+    let (mut uncovered, mut outside, mut spilled) = (0, 0, 0);
     for (row, squares) in distances.squares.chunks_exact(distances.width.max(1)).enumerate() {
         for (column, &square) in squares.iter().enumerate() {
             let far = square > (covers * covers) as f32;
-            let near = fills > 0.0 && square < (fills * fills) as f32;
+            let near = square < (spills * spills) as f32;
             if far || near {
                 let pixel = [column as i64 + distances.low[0], row as i64 + distances.low[1]];
+                let place = pixel.map(|x| x as f64);
                 let inside = view.medians.inside(pixel);
-                uncovered += u32::from(far && inside && !distances.closes(column, row, covers + more, more));
-                let hidden = || view.silhouette.hidden(pixel.map(|x| x as f64));
-                outside += u32::from(near && !inside && !hidden());
+                if far && inside && !distances.closes(column, row, covers + more, more) {
+                    uncovered += u32::from(view.silhouette.distance(place) > -SPECK);
+                } else if near && !inside && !view.silhouette.hidden(place) {
+                    let core = fills > 0.0 && square < (fills * fills) as f32;
+                    outside += u32::from(core);
+                    // not over gaps, where the axis is outside too
+                    let away = -view.silhouette.distance(place);
+                    spilled += u32::from(!core && away * away < f64::from(square));
+                }
             }
         }
     }
     misfit.uncovered += f64::from(uncovered) / (2.0 * radius_px * radius_px);
     misfit.outside += f64::from(outside) / (2.0 * radius_px * radius_px);
+    misfit.spilled += f64::from(spilled) / (2.0 * radius_px * radius_px);
     for i in 0..seen.image.len() {
         let observed = view.medians.at(seen.image[i]);
         let e = (seen.places[i][2] - observed) / radius - sensor.surface - bias;

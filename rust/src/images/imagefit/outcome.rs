@@ -11,8 +11,10 @@ use crate::geometry::{Point, squared_distance};
 pub struct Misfit {
     /// Area of mask that the tube does not cover.
     pub uncovered: f64,
-    /// Area of tube outside the mask.
+    /// Area of the tube's middle outside the mask.
     pub outside: f64,
+    /// Area of the tube's sides that spills over the mask's edge.
+    pub spilled: f64,
     /// Sum of squared depth residuals over the noise, each limited.
     pub depth: f64,
     /// Number of independent depths in that sum.

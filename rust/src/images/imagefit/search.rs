@@ -295,6 +295,7 @@ impl State<'_> {
         Misfit {
             uncovered: share * misfit.uncovered,
             outside: share * misfit.outside,
+            spilled: share * misfit.spilled,
             depth: share * misfit.depth,
             depths: share * misfit.depths,
             bend,
