@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
+from strand.reconstruction.evidence.depth_resolution import find_depth_step, show_in_windows
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.reconstruction.stages import Run
 from strand.ropes.doubt import Doubt, ModelWarning
@@ -38,9 +39,6 @@ _MIN_AREA = 3.0  # squares of its radius, pixels: a rope covers at least this
 _MIN_DEPTH_SHARE = 0.2  # of a mask's pixels: with less, depth is too thin to have neighbors
 _CLEAR_RESOLUTION = 1.0  # radii: where depth resolves as much, it shows whether a mask holds ropes
 _NO_RESOLUTION = 2.0  # radii: where it resolves no less, it does not
-_CLEAR_PIXELS = 2.0  # pixels: windows over which depth is taken do not hide ropes of a larger radius
-_NO_PIXELS = 1.0  # pixels: they hide ropes of a smaller radius
-_STEPS = 4  # depths on each side of the ropes' distance whose steps are looked at
 _MISPLACED_DOUBT = 2.0  # doubt: a mask that is likely wrong makes the confidence about seven times lower
 
 
@@ -246,25 +244,14 @@ def _judge_mask(image: DepthImage, bounds: Box | None, radii: Array) -> tuple[st
         f"what is inside its mask stands {height:.1f} radii before what is around it, as no rope does; "
         "is it the mask of this frame?"
     )
-    resolution = max(scatter, _find_local_step(image) / float(radii[0]))
+    resolution = max(scatter, find_depth_step(image) / float(radii[0]))
     pixels = float(radii[0]) * max(image.camera.focal) / image.distance
     sure = min(
         (_NO_RESOLUTION - resolution) / (_NO_RESOLUTION - _CLEAR_RESOLUTION),
-        (pixels - _NO_PIXELS) / (_CLEAR_PIXELS - _NO_PIXELS),
+        show_in_windows(pixels),
     )
     shows_background = scatter < _MAX_SCATTER and low > _MIN_SHARE_LOW and sure > 1.0
     return reason, min(max(sure, 0.0), 1.0), shows_background
-
-
-def _find_local_step(image: DepthImage) -> float:
-    """Return the distance between neighbouring depths of a sensor at the ropes' distance, metres.
-
-    A stereo camera's disparity has steps, which are wider in depth the farther away.
-    """
-    each = np.unique(image.depth)
-    middle = int(np.searchsorted(each, image.distance))
-    near = each[max(middle - _STEPS, 0) : middle + _STEPS]
-    return float(np.median(np.diff(near[near > 0]))) if np.count_nonzero(near > 0) > 1 else 0.0
 
 
 def _measure_above_table(image: DepthImage, rows: _Indices, columns: _Indices, radius: float) -> Array:

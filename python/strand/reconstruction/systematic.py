@@ -15,6 +15,7 @@ import numpy as np
 import strand._core as _core
 from strand.config import Config, Poses
 from strand.reconstruction.evidence.confidence import to_normal_deviate
+from strand.reconstruction.evidence.depth_resolution import find_depth_step, show_in_windows
 from strand.reconstruction.stages import Found, Observed
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
@@ -31,6 +32,8 @@ _FULL_MOTION = 1.2  # radii that corrections move ropes: more raises all of the 
 _MARGIN = 0.1  # radii that axes may lie outside the extraction range
 _OUTSIDE_DOUBT = 0.2  # doubt per share of the axes that lie outside
 _MIN_BEHIND = 1.6  # radii behind a rope's surface: farther depths saw through the rope
+_HIDDEN_BEHIND = 3.0  # radii: the same for ropes that a matcher's windows hide, which show as their table
+_STEPS_BEHIND = 2.0  # steps of depth: as far behind, where steps are wider than ropes
 _MAX_THROUGH = 0.06  # share of the places of ropes that a view may see through
 _THROUGH_DOUBT = 2.0  # doubt per share beyond that
 _MAX_LOST = 0.6  # share of the ropes' pixels that may have no depth
@@ -110,8 +113,12 @@ def _doubt_views(observed: Observed, found: Found) -> Iterator[Doubt]:
         missed = int(np.count_nonzero(behind == np.inf))
         returned = int(np.count_nonzero(behind < np.inf))
         shown, lost = shown + returned, lost + missed
+        if returned < _MIN_PLACES:
+            continue
         through = int(np.count_nonzero(behind > _MIN_BEHIND)) - missed
-        if returned >= _MIN_PLACES and through / returned > worst:
+        if through > _MAX_THROUGH * returned:
+            through = int(np.count_nonzero(behind > _find_least_behind(view, found.chains))) - missed
+        if through / returned > worst:
             worst, where = through / returned, number
     reason = (
         f"view {where} saw through {worst:.0%} of the ropes; it may show something else, or its pose may be "
@@ -121,6 +128,17 @@ def _doubt_views(observed: Observed, found: Found) -> Iterator[Doubt]:
     share = lost / max(shown + lost, 1)
     reason = f"{share:.0%} of the pixels that should show the ropes have no depth"
     yield Doubt("points", _LOST_DOUBT * max(share - _MAX_LOST, 0.0), "where the ropes end", reason)
+
+
+def _find_least_behind(view: View, chains: Sequence[Chain]) -> float:
+    """Return how far behind the surface of a rope depths lie at least that saw through it, radii."""
+    image = view.image
+    if image is None or not image.distance > 0.0:
+        return _MIN_BEHIND
+    radius = min(chain.radius for chain in chains)
+    clear = min(max(show_in_windows(radius * max(image.camera.focal) / image.distance), 0.0), 1.0)
+    in_steps = _STEPS_BEHIND * find_depth_step(image) / radius
+    return max(_HIDDEN_BEHIND + clear * (_MIN_BEHIND - _HIDDEN_BEHIND), in_steps)
 
 
 def measure_depth_behind(view: View, pose: Array, chain: Chain) -> Array:

@@ -135,6 +135,24 @@ def test_a_view_that_saw_through_the_ropes_is_doubted(scene):
     assert "view 2 saw" in doubt.reason
 
 
+@pytest.mark.parametrize(
+    ("step", "pose_error", "doubted"), [(0.0, 0.0, True), (5.0, 0.0, False), (5.0, 12.0, True)]
+)
+def test_a_view_did_not_see_through_ropes_that_are_thinner_than_its_steps(scene, step, pose_error, doubted):
+    # depths of the table alone, in steps of some radii
+    size = scene.depth.shape[:0:-1]
+    table = render_depth([scene.truth[0]], 1e-6, scene.intrinsics, scene.poses_true[2], size)
+    rope = (
+        render_depth(scene.truth, scene.radius, scene.intrinsics, scene.poses_true[2], size, table=False) > 0
+    )
+    depth = table + pose_error * scene.radius
+    if step:
+        depth = np.round(depth / (step * scene.radius)) * step * scene.radius
+    view = strand.View.from_depth(depth, scene.intrinsics, scene.poses_true[2], mask=rope)
+    observed, found = answered(scene, [view])
+    assert (amounts(doubt_shared_errors(observed, found, Config()))["view"] > 0.3) == doubted
+
+
 def test_pixels_without_a_return_are_doubted_where_they_are_most(scene):
     lost = np.random.default_rng(0).random(scene.depth.shape) < 0.85
     views = at(scene, scene.poses_true, np.where(lost, 0.0, scene.depth * scene.depth_scale))
