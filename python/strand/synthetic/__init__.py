@@ -2,10 +2,12 @@
 
 from strand.synthetic.camera import Camera, camera_pose
 from strand.synthetic.cluttered_scenes import cluttered_scene
+from strand.synthetic.color_scenes import COLOR_KINDS, ColorScene, color_scene
 from strand.synthetic.depth_camera import CAMERAS, DepthCamera
 from strand.synthetic.frame_scenes import FRAMES, frame_scene
 from strand.synthetic.layout import Layout
 from strand.synthetic.noise import Noise, sense
+from strand.synthetic.painting import Paint, paint_scene
 from strand.synthetic.random_curves import random_ropes
 from strand.synthetic.rendering import render_depth
 from strand.synthetic.rough_scenes import ROUGH, rough_scene
@@ -15,18 +17,23 @@ from strand.synthetic.shapes import SHAPES, shape
 
 __all__ = [
     "CAMERAS",
+    "COLOR_KINDS",
     "FRAMES",
     "ROUGH",
     "SHAPES",
     "Camera",
+    "ColorScene",
     "DepthCamera",
     "Layout",
     "Noise",
+    "Paint",
     "Segmentation",
     "SyntheticScene",
     "camera_pose",
     "cluttered_scene",
+    "color_scene",
     "frame_scene",
+    "paint_scene",
     "random_ropes",
     "render_depth",
     "rough_scene",
