@@ -23,6 +23,7 @@ from strand.config import Config
 from strand.io.models import load_model
 from strand.io.recordings import Recording
 from strand.io.scenes import load_scene
+from strand.reconstruction.color_masks.rope_mask import rope_mask
 from strand.reconstruction.finding.ropes import NoRopeError, find_ropes
 from strand.reconstruction.pipeline import reconstruct
 from strand.reconstruction.radius import estimate_radius
@@ -77,6 +78,7 @@ __all__ = [
     "radius_outlier_mask",
     "reconstruct",
     "register_views",
+    "rope_mask",
     "rotation_xyz",
     "set_num_threads",
     "synthetic",

@@ -3,6 +3,7 @@
 //! A length in "image radii" is relative to `radius_px`, the rope's radius in the image; in "radii" it is relative to
 //! the rope's radius in space.
 
+pub mod color;
 pub mod image;
 pub mod imagefit;
 pub mod mending;

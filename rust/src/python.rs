@@ -4,6 +4,7 @@
 mod arguments;
 mod arrays;
 mod centerline;
+mod colors;
 mod curves;
 mod density;
 mod errors;
@@ -127,6 +128,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(masks::measure_edge_distances, module)?)?;
     module.add_function(wrap_pyfunction!(masks::find_short_outlines, module)?)?;
     module.add_function(wrap_pyfunction!(masks::estimate_mask_radius, module)?)?;
+    module.add_function(wrap_pyfunction!(colors::convert_to_lab, module)?)?;
+    module.add_function(wrap_pyfunction!(colors::find_strips, module)?)?;
+    module.add_function(wrap_pyfunction!(colors::find_color_pieces, module)?)?;
     module.add_function(wrap_pyfunction!(set_num_threads, module)?)?;
     module.add_function(wrap_pyfunction!(count_cores, module)?)?;
     module.add_function(wrap_pyfunction!(num_threads, module)?)

@@ -9,7 +9,7 @@ import numpy as np
 from strand._core import NotEnoughDataError
 from strand.config import Config
 from strand.reconstruction.evidence.prior import Prior
-from strand.reconstruction.finding.ropes import FoundRopes, NoRopeError, segment_views
+from strand.reconstruction.finding.ropes import FoundRopes, NoRopeError, segment_by_color, segment_in_all
 from strand.reconstruction.finding.standing import holds_table
 from strand.reconstruction.images.depth_scatter import SMALL_SCATTER, measure_depth_scatter
 from strand.reconstruction.images.mask_radius import estimate_mask_radius
@@ -32,6 +32,7 @@ from strand.views.extract import Extract
 from strand.views.rope_images import make_rope_images
 from strand.views.view import cropped
 
+_ONLY_COLOR = 0.2  # doubt of ropes that colour alone shows
 _STRIP_SD = 0.1  # radii: standard deviation of a radius measured by the width of strips
 
 _APPARENT_RADIUS = "radius: {}, so only the rope's apparent width gives it; give the radius if it is known"
@@ -136,19 +137,28 @@ def observe(extract: Extract, hints: Hints, run: Run) -> Scene:
         radii,
         hints.prior,
     )
-    tables = () if found is None else found.tables
-    return Scene(extract, observed, tables, [mask.doubt for mask in misplaced])
+    doubts = [mask.doubt for mask in misplaced]
+    if found is not None and found.by_color:
+        reason = "depth does not resolve their height, and colour alone shows them"
+        doubts.append(Doubt("color", _ONLY_COLOR, "which pixels show ropes", reason))
+        run.warn("color", reason, amount=_ONLY_COLOR)
+    return Scene(extract, observed, () if found is None else found.tables, doubts)
 
 
 def _find_ropes_among_things(extract: Extract, radii: Radii | None, run: Run) -> FoundRopes | None:
     """Find ropes on a table, if the views have no masks and their extraction range holds a table."""
     if any(view.mask is not None for view in extract.whole):
         return None
+    sizes = None if radii is None else radii.values
     if extract.bounds is not None and not _holds_clear_table(extract, find_thinnest(radii)):
-        return None
+        # colour may show ropes that are as low as the noise
+        if not _has_colors(extract) or not holds_table(extract):
+            return None
+        with run.stage("find"):
+            return segment_by_color(extract, sizes)
     with run.stage("find"):
         try:
-            found = segment_views(extract, None if radii is None else radii.values)
+            found = segment_in_all(extract, sizes)
         except NoRopeError as error:
             # strands side by side look like one thing that is wide
             if radii is None or not error.low_things:
@@ -164,6 +174,10 @@ def _find_ropes_among_things(extract: Extract, radii: Radii | None, run: Run) ->
         )
         run.warn("thing", message, first.place, view=first.view)
     return found
+
+
+def _has_colors(extract: Extract) -> bool:
+    return all(view.image is not None and view.image.colors is not None for view in extract.whole)
 
 
 def _holds_clear_table(extract: Extract, radius: float) -> bool:

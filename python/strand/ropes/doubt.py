@@ -43,6 +43,7 @@ DOUBTS = (
     "length",
     "ring",
     "deadline",
+    "color",
 )
 """Kinds of doubt.
 
@@ -65,6 +66,7 @@ DOUBTS = (
 - "uncovered": ropes and masks do not cover each other.
 - "count", "length", "ring": the ropes contradict what is known of them.
 - "deadline": strand skipped work because the deadline had passed.
+- "color": colour alone shows the ropes, because depth does not resolve their height.
 """
 
 WARNINGS = (*DOUBTS, "branch", "cut end", "kept pose", "no rope", "open pose", "thing", "unused view")

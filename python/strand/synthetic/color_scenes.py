@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from strand.support.checks import Array, check_bool, check_choice, check_integer
 from strand.synthetic.camera import FOCAL_LENGTH, Camera, camera_pose, find_least_distance
 from strand.synthetic.depth_camera import CAMERAS
-from strand.synthetic.objects import Box, add_objects
+from strand.synthetic.objects import Box, Object, add_objects
 from strand.synthetic.painting import RGB, Paint, Thing, make_finer, render_color
 from strand.synthetic.random_curves import random_ropes
 from strand.synthetic.rendering import render_depth
@@ -247,12 +247,12 @@ def _make_hand(place: Array, turn: float, radius: float) -> tuple[list[Array], l
     return tubes, radii
 
 
-def _make_gripper(place: Array, turn: float, radius: float) -> list[Box]:
+def _make_gripper(place: Array, turn: float, radius: float) -> list[Object]:
     """Return two fingers on both sides of a place, and a palm above them."""
     across = np.array([math.cos(turn), math.sin(turn)])
     x, y = place[:2]
     half = 2.5 * radius + 0.006
-    boxes = [
+    boxes: list[Object] = [
         Box((x + s * half * across[0], y + s * half * across[1], 0.035), (0.012, 0.02, 0.06), turn)
         for s in (-1.0, 1.0)
     ]

@@ -196,7 +196,9 @@ def _average(values: Array) -> Array:
 
 def _count_labels(owner: NDArray[np.int64], ropes: int) -> NDArray[np.int32]:
     """Return each pixel's rope: the one with most of its rays, if ropes have half of them."""
-    shares = _average(np.stack([owner == number for number in range(1, ropes + 1)], axis=-1)) if ropes else None
+    shares = (
+        _average(np.stack([owner == number for number in range(1, ropes + 1)], axis=-1)) if ropes else None
+    )
     if shares is None:
         return np.zeros((owner.shape[0] // _FINER, owner.shape[1] // _FINER), dtype=np.int32)
     labels = 1 + shares.argmax(axis=-1)

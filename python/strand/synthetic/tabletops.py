@@ -42,7 +42,7 @@ def draw_texture(name: str, color: Array, rng: np.random.Generator) -> Array:
         return _draw_strokes(color, rng)
     else:
         raise ValueError(f"texture: expected one of {', '.join(TEXTURES)}, got {name!r}")
-    return color + share[..., None] * (other - color)
+    return np.asarray(color + share[..., None] * (other - color))
 
 
 def look_up(texture: Array, x: Array, y: Array) -> Array:

@@ -26,15 +26,18 @@ class DepthImage:
         Camera to world.
     labels : (H, W) ndarray of int32 or bool, or None
         Where the ropes are: 0 is no rope, every other number a rope or a piece of one. None: anywhere.
+    colors : (H, W, 3) ndarray of uint8, or None
+        The colour of each pixel, with or without depth.
     """
 
     depth: Array
     camera: Pinhole
     pose: Array
     labels: NDArray[np.int32] | NDArray[np.bool_] | None = None
+    colors: NDArray[np.uint8] | None = None
 
     def __post_init__(self) -> None:
-        for array in (self.depth, self.labels):
+        for array in (self.depth, self.labels, self.colors):
             if array is not None:
                 array.setflags(write=False)
 

@@ -148,11 +148,13 @@ class View:
         farthest = 0.5 * np.finfo(float).max / aside * min(fx, fy, 1.0)
         copied, dropped = _core.copy_depth(image, farthest)
         labels = None if mask is None else check_mask("mask", mask, (height, width))
-        taken = DepthImage(copied, camera, _check_pose(pose), labels)
-        seen = None
+        seen, pixels = None, None
         if colors is not None:
-            depths = taken.rope_depth
-            seen = check_colors("colors", colors, (height, width, 3))[depths > 0]
+            everywhere = check_colors("colors", colors, (height, width, 3))
+            pixels = np.rint(255.0 * everywhere).astype(np.uint8)
+        taken = DepthImage(copied, camera, _check_pose(pose), labels, pixels)
+        if colors is not None:
+            seen = everywhere[taken.rope_depth > 0]
         return cls._build(None, taken, taken.pose, dropped, seen)
 
     @classmethod

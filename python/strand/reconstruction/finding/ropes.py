@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+import strand._core as _core
 from strand._core import NotEnoughDataError
+from strand.reconstruction.finding.in_color import find_in_color
 from strand.reconstruction.finding.standing import find_tabletop
 from strand.reconstruction.finding.strips import OtherObject, segment_ropes
 from strand.reconstruction.finding.widths import estimate_strip_radius, measure_strip_lengths
@@ -20,6 +22,8 @@ from strand.views.depth_image import DepthImage
 from strand.views.extract import Extract, extract_views
 from strand.views.view import View, masked
 
+_BESIDE = 4  # pixels around a mask of colour: heights are blurred that far
+_MIN_COVERED = 0.7  # share of what stands on the table that colour shows too, if it shows all ropes
 _MIN_LENGTH = 14.0  # radii: some view shows a strip of a rope that is longer
 
 
@@ -54,12 +58,15 @@ class FoundRopes:
         view shows no table.
     other_objects : tuple of OtherObject
         The things on the table that are no rope, once for each view that shows them.
+    by_color : bool
+        Whether colour alone shows the ropes, because depth does not resolve their height.
     """
 
     views: tuple[View, ...]
     radius: float | None
     tables: tuple[Plane | None, ...]
     other_objects: tuple[OtherObject, ...]
+    by_color: bool = False
 
 
 def find_ropes(
@@ -72,6 +79,9 @@ def find_ropes(
     The table is the plane that most points of a view lie on. It may be tilted. A thing on it is a rope where
     it is a strip of one width, and thin or low. Ropes have the width that the longest strips have, relative
     to their width.
+
+    Where all views have colours, these show the ropes too (see `strand.rope_mask`). Colour gives the mask if
+    the table's depths scatter by more than half a rope's radius, or if it shows what stands on the table.
 
     Parameters
     ----------
@@ -103,7 +113,43 @@ def find_ropes(
     >>> model = strand.reconstruct(found.views, found.radius)
     """
     extract = extract_views(views, None if bounds is None else make_box(bounds))
-    return segment_views(extract, None if radius is None else Radii.from_caller(radius).values)
+    return segment_in_all(extract, None if radius is None else Radii.from_caller(radius).values)
+
+
+def segment_in_all(extract: Extract, radii: Array | None) -> FoundRopes:
+    """Segment ropes of (K,) radii, metres, by colour where it shows them, else by height."""
+    by_color = segment_by_color(extract, radii)
+    if by_color is None:
+        return segment_views(extract, radii)
+    if by_color.by_color:
+        return by_color
+    try:
+        by_height = segment_views(extract, radii)
+    except NoRopeError:
+        return replace(by_color, by_color=True)
+    standing = covered = 0
+    for high, colored in zip(by_height.views, by_color.views, strict=True):
+        if high.mask is not None and colored.mask is not None:
+            near = _core.measure_edge_distances(~colored.mask, _BESIDE + 1) <= _BESIDE
+            standing += int(np.count_nonzero(high.mask))
+            covered += int(np.count_nonzero(high.mask & near))
+    return by_color if covered >= _MIN_COVERED * standing else by_height
+
+
+def segment_by_color(extract: Extract, radii: Array | None) -> FoundRopes | None:
+    """Segment ropes by colour, if all views have colours and some of these show ropes."""
+    shown = [find_in_color(view.image, radii) for view in extract.whole]
+    seen = [one for one in shown if one is not None]
+    if len(seen) < len(shown) or not any(one.mask.any() for one in seen):
+        return None
+    views = tuple(
+        masked(view, replace(view.image, labels=one.mask))
+        for view, one in zip(extract.whole, seen, strict=True)
+        if view.image is not None
+    )
+    radius = float(np.median([one.radius for one in seen if one.mask.any()]))
+    resolved = any(one.resolved for one in seen)
+    return FoundRopes(views, radius, tuple(one.plane for one in seen), (), by_color=not resolved)
 
 
 def segment_views(extract: Extract, radii: Array | None) -> FoundRopes:

@@ -1,0 +1,106 @@
+"""Where depth shows a table, and how high pieces of strips stand above it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from strand.reconstruction.color_masks.color_pieces import Mask, Piece
+from strand.reconstruction.images.table_plane import Plane, find_largest_plane
+from strand.support.checks import Array
+from strand.support.robust import estimate_deviation
+from strand.views.pinhole import Pinhole
+
+_MAX_POINTS = 20_000  # points that the plane is sought in
+_NEAR_PLANE = 0.01  # of the plane's distance: heights this small give its scatter
+_DEVIATIONS = 3.0  # scatters: pixels this near to the plane show it
+_MIN_HEIGHT = 0.004  # metres: pixels nearer than this show it as well
+_REACH = 12  # pixels around a pixel that show the table
+_MIN_SHARE = 0.35  # of the pixels around that show the table, beside one that may show a rope
+_SHOWN = 4.0  # scatters of heights: depth shows ropes that are thicker
+_FLAT = 0.3  # radii: what is lower lies in the table
+
+
+@dataclass(frozen=True, eq=False)
+class NearTable:
+    """The table in a depth image.
+
+    Attributes
+    ----------
+    plane : Plane
+        In the camera frame.
+    near : (H, W) ndarray of bool
+        Pixels with table around.
+    heights : (H, W) ndarray
+        Above the table, metres; NaN without depth.
+    scatter : float
+        Standard deviation of the table's heights, metres.
+    depth : (H, W) ndarray
+        Metres; 0 for no return.
+    focal : float
+        Focal length, pixels.
+    """
+
+    plane: Plane
+    near: Mask
+    heights: Array
+    scatter: float
+    depth: Array
+    focal: float
+
+    def measure_radius(self, pieces: list[Piece]) -> float | None:
+        """Return the median radius of pieces, metres, weighted by length; None without depth."""
+        radii, weights = [], []
+        for piece in pieces:
+            z = self.depth[piece.slices][piece.pixels]
+            z = z[z > 0]
+            if len(z):
+                radii.append(piece.half_width * float(np.median(z)) / self.focal)
+                weights.append(piece.length)
+        if not radii:
+            return None
+        order = np.argsort(radii)
+        total = np.cumsum(np.asarray(weights)[order])
+        return float(radii[order[int(np.searchsorted(total, 0.5 * total[-1]))]])
+
+    def shows_flat(self, piece: Piece) -> bool:
+        """Tell whether a piece lies in the table although depth could show its height."""
+        radius = self.measure_radius([piece])
+        heights = self.heights[piece.slices][piece.pixels]
+        seen = heights[np.isfinite(heights)]
+        if radius is None or 2.0 * radius <= _SHOWN * self.scatter or 2 * len(seen) <= len(heights):
+            return False
+        return float(np.median(seen)) < _FLAT * radius
+
+
+def find_near_table(depth: Array, camera: Pinhole) -> NearTable | None:
+    """Find the plane that most depth shows, and the pixels near it; None without a plane."""
+    seen = depth > 0
+    rows, columns = np.nonzero(seen)
+    step = max(len(rows) // _MAX_POINTS, 1)
+    rows, columns = rows[::step], columns[::step]
+    found = find_largest_plane(camera.lift(rows, columns, depth[rows, columns]))
+    if found is None:
+        return None
+    plane, _ = found
+    v, u = np.mgrid[: depth.shape[0], : depth.shape[1]]
+    rays = camera.cast_rays(v, u) @ plane.normal
+    heights = np.where(seen, rays * depth - plane.offset, np.nan)
+    away = np.abs(heights)
+    scatter = estimate_deviation(heights[away < -_NEAR_PLANE * plane.offset])
+    flat = away < max(_DEVIATIONS * scatter, _MIN_HEIGHT)
+    near = _average(flat.astype(np.float32), _REACH) > _MIN_SHARE
+    return NearTable(plane, near, heights, scatter, depth, camera.focal[0])
+
+
+def _average(values: np.ndarray, reach: int) -> np.ndarray:
+    """Return the mean of each pixel's square."""
+    for axis in (0, 1):
+        around = np.pad(values, [(reach + 1, reach) if k == axis else (0, 0) for k in (0, 1)], mode="edge")
+        sums = np.cumsum(around, axis=axis, dtype=np.float64)
+        wide, count = 2 * reach + 1, values.shape[axis]
+        values = (
+            np.take(sums, np.arange(wide, wide + count), axis) - np.take(sums, np.arange(count), axis)
+        ) / wide
+    return values

@@ -1,0 +1,220 @@
+"""rope_mask(): a colour image in, the mask of ropes out, or the reason why there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import strand._core as _core
+from strand.reconstruction.color_masks.color_choice import Choice, choose_ropes
+from strand.reconstruction.color_masks.color_pieces import Piece, find_pieces
+from strand.reconstruction.color_masks.known_color import find_known_ropes
+from strand.reconstruction.color_masks.near_table import NearTable, find_near_table
+from strand.support.checks import Array, check_colors, check_integer, check_intrinsics, to_array
+from strand.views.pinhole import Pinhole
+
+_MIN_SIDE = 32  # pixels: no rope is sought in smaller images
+_MAX_COLORS = 8  # colours that are sought at once
+
+
+@dataclass(frozen=True, eq=False)
+class RopeMask:
+    """The pixels of ropes in a colour image.
+
+    Attributes
+    ----------
+    mask : (H, W) ndarray of bool
+        Empty if no rope was found.
+    labels : (H, W) ndarray of int32
+        0 for no rope, otherwise the number of the rope's colour, from 1 on: in the order of `rope_color`, or
+        the most conspicuous colour first.
+    radius_px : float
+        Half width of most ropes, pixels; NaN without a rope.
+    why : str
+        Why there is no mask; empty if there is one.
+    left_out : tuple of str
+        Why long strips that are not in the mask are no ropes, one entry for each.
+    fragments : float
+        Length of other strips over that of ropes; backgrounds with patterns have more than 0.7.
+    radius : float or None
+        The ropes' radius, metres; None without depth.
+    scatter : float or None
+        Standard deviation of the table's depths, metres; None without depth. Depth shows no height of ropes
+        that are thinner.
+    """
+
+    mask: NDArray[np.bool_]
+    labels: NDArray[np.int32]
+    radius_px: float
+    why: str = ""
+    left_out: tuple[str, ...] = ()
+    fragments: float = 0.0
+    radius: float | None = None
+    scatter: float | None = None
+
+    def __post_init__(self) -> None:
+        for array in (self.mask, self.labels):
+            array.setflags(write=False)
+
+    def __bool__(self) -> bool:
+        return not self.why
+
+
+def rope_mask(
+    color: ArrayLike,
+    depth: ArrayLike | None = None,
+    intrinsics: ArrayLike | None = None,
+    *,
+    rope_color: ArrayLike | None = None,
+    ropes: int | None = None,
+) -> RopeMask:
+    """Find the pixels of ropes in a colour image, without training.
+
+    A rope is a strip of one width whose colour differs from both sides. Strips that are short, uneven,
+    shadows or edges are no ropes. Where many strips are left, the background is patterned, and there is no
+    mask but a reason.
+
+    Parameters
+    ----------
+    color : (H, W, 3) array_like
+        Red, green and blue in sRGB: uint8, or from 0 to 1.
+    depth : (H, W) array_like of float, optional
+        Depth of the same pixels, metres; 0 or NaN for no return. Ropes then lie on or near the plane that
+        most depth shows, and strips that depth shows flat are no ropes.
+    intrinsics : (3, 3) array_like, optional
+        The pinhole matrix, pixels. Depth needs it.
+    rope_color : array_like, optional
+        The ropes' colour, (3,), or several, (N, 3), in the units of `color`; or an (H, W) mask of a few
+        pixels that show rope, for instance clicked ones.
+    ropes : int, optional
+        The number of ropes, if it is known: at most this many colours are in the mask.
+
+    Returns
+    -------
+    RopeMask
+        It is false if no rope was found.
+
+    Raises
+    ------
+    TypeError
+        If an argument is of the wrong kind.
+    ValueError
+        If a shape is wrong, a colour is out of range, or there is depth without intrinsics.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import strand
+    >>> color = np.full((120, 160, 3), 180, dtype=np.uint8)
+    >>> color[57:62, 20:140] = (200, 30, 30)
+    >>> found = strand.rope_mask(color)
+    >>> bool(found), int(found.labels.max())
+    (True, 1)
+    """
+    image = convert_colors(color)
+    shape = (image.shape[0], image.shape[1])
+    table = None
+    if depth is not None:
+        if intrinsics is None:
+            raise ValueError("intrinsics: expected the camera's along with depth, got None")
+        metres = to_array("depth", depth)
+        if metres.dtype.kind != "f":
+            raise TypeError(f"depth: expected floating point numbers in metres, got dtype {metres.dtype}")
+        if metres.shape != shape:
+            raise ValueError(f"depth: expected the image's shape {shape}, got {metres.shape}")
+        metres = np.where(np.isfinite(metres) & (metres > 0), metres, 0.0).astype(np.float64)
+        camera = Pinhole.from_matrix(check_intrinsics("intrinsics", intrinsics))
+        table = find_near_table(metres, camera)
+    known = None if rope_color is None else _convert_known(rope_color, color, image)
+    count = None if ropes is None else check_integer("ropes", ropes, 1)
+    return find_mask(image, table, known, count)
+
+
+def convert_colors(color: ArrayLike) -> NDArray[np.uint8]:
+    """Return an (H, W, 3) image of bytes, checked."""
+    image = to_array("color", color)
+    if image.dtype == np.uint8:
+        if image.ndim != 3 or image.shape[2] != 3:
+            raise ValueError(f"color: expected shape (H, W, 3), got {image.shape}")
+        return np.ascontiguousarray(image)
+    return np.rint(255.0 * check_colors("color", color, ("H", "W", 3))).astype(np.uint8)
+
+
+def find_mask(
+    image: NDArray[np.uint8], table: NearTable | None, known: NDArray[np.uint8] | None, ropes: int | None
+) -> RopeMask:
+    """Find ropes in an (H, W, 3) image, of (N, 3) known colours if there are some."""
+    shape = (image.shape[0], image.shape[1])
+    if min(shape) < _MIN_SIDE:
+        return _make_mask([], shape, f"color: the image is smaller than {_MIN_SIDE} pixels", None)
+    lab = _core.convert_to_lab(image)
+    pieces = find_pieces(lab, None if table is None else table.near)
+    if known is None:
+        choice = choose_ropes(pieces, shape, table, ropes)
+        return _make_mask(list(enumerate(choice.groups, 1)), shape, "", table, [choice])
+    colors = _core.convert_to_lab(np.ascontiguousarray(known[None]))[:, 0].T.astype(np.float64)
+    choices = [find_known_ropes(lab, own, pieces, table, ropes) for own in colors]
+    groups = [(k, choice.pieces) for k, choice in enumerate(choices, 1) if choice.groups]
+    return _make_mask(groups, shape, "", table, choices)
+
+
+def _convert_known(rope_color: ArrayLike, color: ArrayLike, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return (N, 3) known colours as bytes."""
+    given = to_array("rope_color", rope_color)
+    if given.dtype == np.bool_:
+        if given.shape != image.shape[:2]:
+            raise ValueError(f"rope_color: expected a mask of shape {image.shape[:2]}, got {given.shape}")
+        if not given.any():
+            raise ValueError("rope_color: expected a mask with pixels, got an empty one")
+        return np.asarray(np.rint(np.median(image[given], axis=0)), dtype=np.uint8)[None]
+    rows = np.atleast_2d(given)
+    if rows.ndim != 2 or rows.shape[1] != 3 or not 0 < len(rows) <= _MAX_COLORS:
+        raise ValueError(
+            f"rope_color: expected a colour (3,), up to {_MAX_COLORS} colours (N, 3), or a mask of bool, "
+            f"got shape {given.shape}"
+        )
+    if rows.dtype.kind in "iu":
+        if rows.min() < 0 or rows.max() > 255:
+            raise ValueError(f"rope_color: expected 0 to 255, got {rows.min()} to {rows.max()}")
+        return rows.astype(np.uint8)
+    return np.rint(255.0 * check_colors("rope_color", rows, ("N", 3))).astype(np.uint8)
+
+
+def _make_mask(
+    groups: list[tuple[int, list[Piece]]],
+    shape: tuple[int, int],
+    why: str,
+    table: NearTable | None,
+    choices: list[Choice] | None = None,
+) -> RopeMask:
+    """Draw groups of pieces, each with its label."""
+    choices = choices or []
+    labels = np.zeros(shape, dtype=np.int32)
+    pieces = [piece for _, group in groups for piece in group]
+    for number, group in reversed(groups):
+        for piece in group:
+            labels[piece.slices][piece.pixels] = number
+    if not pieces:
+        why = why or "; ".join(dict.fromkeys(choice.why for choice in choices if choice.why))
+        radius_px = float("nan")
+    else:
+        why, radius_px = "", _find_half_width(pieces)
+    return RopeMask(
+        labels > 0,
+        labels,
+        radius_px,
+        why,
+        tuple(reason for choice in choices for reason, _ in choice.left_out),
+        max((choice.fragments for choice in choices), default=0.0),
+        None if table is None or not pieces else table.measure_radius(pieces),
+        None if table is None else table.scatter,
+    )
+
+
+def _find_half_width(pieces: list[Piece]) -> float:
+    """Return the half width that most of the ropes' length has, pixels."""
+    order = sorted(pieces, key=lambda piece: piece.half_width)
+    total: Array = np.cumsum([piece.length for piece in order])
+    return float(order[int(np.searchsorted(total, 0.5 * total[-1]))].half_width)
