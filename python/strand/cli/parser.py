@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 
 import strand
-from strand.cli import batch, demo, info, reconstruct, report, view
+from strand.cli import batch, demo, info, mask, reconstruct, report, view
 from strand.cli.exit_codes import EXIT_CODES
 
 _COMMANDS = {
     "batch": batch,
     "demo": demo,
     "info": info,
+    "mask": mask,
     "reconstruct": reconstruct,
     "report": report,
     "view": view,

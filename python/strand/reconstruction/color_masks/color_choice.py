@@ -13,7 +13,7 @@ from strand.reconstruction.color_masks.color_pieces import Mask, Piece
 from strand.reconstruction.color_masks.near_table import NearTable
 from strand.support.checks import Array
 
-_MAX_HALF_WIDTH = 0.5 / 13.0  # of the image's shorter side
+_MAX_HALF_WIDTH = 0.5 / 18.0  # of the image's shorter side
 _MIN_HALF_WIDTH = 0.9  # pixels
 _MIN_LENGTH = 20.0  # half widths, of a piece that is a rope by itself
 _MIN_EXTENT = 8.0  # half widths
@@ -23,12 +23,15 @@ _MIN_KNOWN_RESPONSE = 1.2  # the same, where the colour is known
 _MAX_WIDEST = 3.2  # half widths, and 1.5 pixels: crossings are no wider
 _FITTING = 2.0  # half widths of a piece over those of its strips, at most; and its inverse
 _MAX_ASIDE = 0.45  # of the contrast: difference of a rope's sides
-_MAX_SCATTER = 0.8  # of the contrast, and 6 Lab: standard deviation of a rope's colours
+_MAX_SCATTER = 1.1  # of the contrast, and 6 Lab: standard deviation of a rope's colours
 _MIN_CONTRAST = 7.0  # Lab
 _SAME_HUE = 4.0  # Lab: difference of hue of a shadow, and a tenth of its darkening
 _MIN_LIGHT = 0.45  # of the table's light in a shadow
 _MIN_SOFT = 3.0  # pixels: width of a shadow's edge
 _RELATIVE = 0.4  # of the contrast of the best piece
+_LONG_RELATIVE = 0.2  # the same of long pieces that respond strongly
+_LONG = 30.0  # half widths of such a piece
+_STRONG = 2.0  # response of such a piece
 _MIN_RELATIVE_LENGTH = 0.12  # of the best piece's length, both in half widths
 _MAX_WIDTH_RATIO = 0.8  # logarithm of half widths of ropes in one image
 _AGAIN = 0.3  # share of a piece that a better one has taken
@@ -40,6 +43,7 @@ _MAX_PART_OVERLAP = 0.2  # share of such a part that is taken
 _PART_COLOR = 10.0  # Lab: difference of such a part's colour
 _PART_WIDTH = 0.3  # logarithm of half widths of such a part
 _MAX_FRAGMENTS = 0.7  # length of fragments over that of ropes, in half widths: above it is a pattern
+_MAX_GROUPS = 3  # colours and widths of ropes; more are a pattern
 _KNOWN_COLOR = 25.0  # Lab: fragments of other colours do not count where the colour is known
 _SAME_COLOR = 16.0  # Lab: ropes of one label
 _SAME_WIDTH = 0.5  # logarithm of half widths of one label
@@ -122,7 +126,14 @@ def choose_ropes(
             f"ropes; give a mask{'' if known is not None else ' or rope_color'}"
         )
         return choice
-    choice.groups = _group(kept + parts if ropes is None else _keep_number(kept, parts, ropes, shape))
+    groups = _group(kept + parts if ropes is None else _keep_number(kept, parts, ropes, shape))
+    if ropes is None and known is None and len(groups) > _MAX_GROUPS:
+        choice.why = (
+            f"the background is patterned: strips have {len(groups)} colours or widths; give a mask, "
+            "rope_color or the number of ropes"
+        )
+        return choice
+    choice.groups = groups
     return choice
 
 
@@ -173,7 +184,7 @@ def _keep_alike(
         best = good[0]
         if piece.half_widths < _MIN_RELATIVE_LENGTH * best.half_widths:
             reason = "short"
-        elif not known and piece.contrast < _RELATIVE * best.contrast:
+        elif not known and piece.contrast < _find_relative(piece) * best.contrast:
             reason = "faint"
         elif abs(math.log(piece.half_width / best.half_width)) > _MAX_WIDTH_RATIO:
             reason = "of another width"
@@ -187,6 +198,11 @@ def _keep_alike(
     for piece in kept:
         _take(taken, piece, _BESIDE * piece.half_width + 2.0)
     return kept, taken
+
+
+def _find_relative(piece: Piece) -> float:
+    """Return the least contrast of a piece, in that of the best one."""
+    return _LONG_RELATIVE if piece.half_widths > _LONG and piece.response > _STRONG else _RELATIVE
 
 
 def _take(taken: Mask, piece: Piece, reach: float) -> None:

@@ -16,8 +16,8 @@ _MAX_POINTS = 20_000  # points that the plane is sought in
 _NEAR_PLANE = 0.01  # of the plane's distance: heights this small give its scatter
 _DEVIATIONS = 3.0  # scatters: pixels this near to the plane show it
 _MIN_HEIGHT = 0.004  # metres: pixels nearer than this show it as well
-_REACH = 12  # pixels around a pixel that show the table
-_MIN_SHARE = 0.35  # of the pixels around that show the table, beside one that may show a rope
+_REACH = 20  # pixels around a pixel that show the table
+_MIN_SHARE = 0.3  # of the pixels around that show the table, beside one that may show a rope
 _SHOWN = 4.0  # scatters of heights: depth shows ropes that are thicker
 _FLAT = 0.3  # radii: what is lower lies in the table
 

@@ -12,6 +12,7 @@ from strand.reconstruction.color_masks.color_choice import Choice, choose_ropes
 from strand.reconstruction.color_masks.color_pieces import Piece, find_pieces
 from strand.reconstruction.color_masks.known_color import find_known_ropes
 from strand.reconstruction.color_masks.near_table import NearTable, find_near_table
+from strand.reconstruction.color_masks.refinement import refine_labels
 from strand.support.checks import Array, check_colors, check_integer, check_intrinsics, to_array
 from strand.views.pinhole import Pinhole
 
@@ -153,11 +154,11 @@ def find_mask(
     pieces = find_pieces(lab, None if table is None else table.near)
     if known is None:
         choice = choose_ropes(pieces, shape, table, ropes)
-        return _make_mask(list(enumerate(choice.groups, 1)), shape, "", table, [choice])
+        return _make_mask(list(enumerate(choice.groups, 1)), shape, "", table, [choice], lab)
     colors = _core.convert_to_lab(np.ascontiguousarray(known[None]))[:, 0].T.astype(np.float64)
     choices = [find_known_ropes(lab, own, pieces, table, ropes) for own in colors]
     groups = [(k, choice.pieces) for k, choice in enumerate(choices, 1) if choice.groups]
-    return _make_mask(groups, shape, "", table, choices)
+    return _make_mask(groups, shape, "", table, choices, lab)
 
 
 def _convert_known(rope_color: ArrayLike, color: ArrayLike, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -188,14 +189,14 @@ def _make_mask(
     why: str,
     table: NearTable | None,
     choices: list[Choice] | None = None,
+    lab: NDArray[np.float32] | None = None,
 ) -> RopeMask:
     """Draw groups of pieces, each with its label."""
     choices = choices or []
     labels = np.zeros(shape, dtype=np.int32)
     pieces = [piece for _, group in groups for piece in group]
-    for number, group in reversed(groups):
-        for piece in group:
-            labels[piece.slices][piece.pixels] = number
+    if pieces and lab is not None:
+        labels = refine_labels(lab, groups, _find_half_width(pieces))
     if not pieces:
         why = why or "; ".join(dict.fromkeys(choice.why for choice in choices if choice.why))
         radius_px = float("nan")

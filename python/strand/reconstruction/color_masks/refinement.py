@@ -1,0 +1,150 @@
+"""Masks drawn anew from the colours of chosen ropes: crossings are filled, shadows and fringes go."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+import strand._core as _core
+from strand.reconstruction.color_masks.color_pieces import Mask, Piece
+from strand.support.checks import Array
+
+_NEAR = 2.5  # half widths from a mask: a rope's pixels lie within, and two pixels on
+_AWAY = 2.0  # half widths from a mask: the background begins there, and two pixels on
+_AROUND = 10.0  # half widths: reach of the background's mean
+_MIN_SHARE = 0.05  # share of background around
+_INNER = 0.5  # half widths from a mask's edge: pixels deeper show the rope's colour alone
+_MAX_SAMPLES = 3000  # pixels that give a rope's colours
+_ROUNDS = 6  # rounds of two means
+_TWO_COLORS = 20.0  # Lab: means of a rope's pixels that differ more are two colours
+_MIN_SECOND = 0.2  # share of a second colour
+_ROPE_SHADE = (0.85, 1.12)  # a rope's light, third root, over its mean
+_TABLE_SHADE = (0.72, 1.05)  # the table's light in shadows, third root
+_BLACK = -16.0  # Lab: light of black on lines of one hue
+_HIGHLIGHT = 8.0  # Lab: highlights are brighter than the rope by this
+_MIN_SMOOTHED = 3.0  # pixels: half width of ropes whose edge is smoothed
+_MAX_HOLE = 0.7  # squared half widths: smaller holes are highlights
+_MIN_BLOB = 12.0  # squared half widths: smaller blobs are no rope
+
+
+def refine_labels(
+    lab: NDArray[np.float32],
+    groups: Sequence[tuple[int, Sequence[Piece]]],
+    half_width: float,
+) -> NDArray[np.int32]:
+    """Return (H, W) labels of ropes, from groups of a label and pieces in a (3, H, W) image in Lab."""
+    shape = (lab.shape[1], lab.shape[2])
+    rough = np.zeros(shape, dtype=np.int32)
+    for label, group in reversed(groups):
+        for piece in group:
+            rough[piece.slices][piece.pixels] = label
+    mask: Mask = rough > 0
+    reach = max(_NEAR, _AWAY) * half_width + 2.0
+    away = _core.measure_edge_distances(np.asarray(~mask), int(reach) + 2)
+    inner = _core.measure_edge_distances(mask, int(half_width) + 2) >= _INNER * half_width
+    near = away <= _NEAR * half_width + 2.0
+    rows, columns = np.nonzero(near)
+    pixels = lab[:, rows, columns].T.astype(np.float64)
+    ground = _average_around(lab, away > _AWAY * half_width + 2.0, rows, columns, _AROUND * half_width)
+    from_ground = _measure_from_line(pixels, ground, _TABLE_SHADE)
+    best = np.full(len(rows), np.inf)
+    labels = np.zeros(len(rows), dtype=np.int32)
+    for label, _ in groups:
+        own = lab[:, inner & (rough == label)].T.astype(np.float64)
+        if not len(own):
+            own = lab[:, rough == label].T.astype(np.float64)
+        for color in _find_colors(own):
+            away_from = _measure_from_line(pixels, color[None], _ROPE_SHADE)
+            closer = away_from < best
+            best[closer], labels[closer] = away_from[closer], label
+    found = np.zeros(shape, dtype=np.int32)
+    found[rows, columns] = np.where(best < from_ground, labels, 0)
+    # highlights are brighter than the rope
+    for label, _ in groups:
+        own = (rough == label) & (found == 0)
+        light = lab[0][rough == label]
+        found[own & (lab[0] > np.median(light) + _HIGHLIGHT)] = label
+    return _clean(found, rough, half_width)
+
+
+def _find_colors(own: Array) -> list[Array]:
+    """Return one or two colours of a rope's (N, 3) pixels."""
+    own = own[:: max(len(own) // _MAX_SAMPLES, 1)]
+    middle = np.median(own, axis=0)
+    if len(own) < 10:
+        return [middle]
+    away = own - middle
+    axis = np.linalg.eigh(away.T @ away)[1][:, -1]
+    second = away @ axis > 0.0
+    for _ in range(_ROUNDS):
+        if second.all() or not second.any():
+            return [middle]
+        means = own[~second].mean(axis=0), own[second].mean(axis=0)
+        second = ((own - means[1]) ** 2).sum(axis=1) < ((own - means[0]) ** 2).sum(axis=1)
+    share = float(second.mean())
+    turned = float(np.linalg.norm((means[1] - means[0])[1:]))
+    if turned < _TWO_COLORS or min(share, 1.0 - share) < _MIN_SECOND:
+        return [middle]
+    return list(means)
+
+
+def _measure_from_line(pixels: Array, colors: Array, shade: tuple[float, float]) -> Array:
+    """Return (N,) differences of (N, 3) colours from others in more or less light."""
+    black = np.array([_BLACK, 0.0, 0.0])
+    full, own = colors - black, pixels - black
+    part = (own * full).sum(axis=1) / np.maximum((full * full).sum(axis=1), 1e-9)
+    return np.asarray(np.linalg.norm(own - np.clip(part, *shade)[:, None] * full, axis=1))
+
+
+def _average_around(
+    lab: NDArray[np.float32],
+    chosen: Mask,
+    rows: NDArray[np.int64],
+    columns: NDArray[np.int64],
+    reach: float,
+) -> Array:
+    """Return (N, 3) mean colours of chosen pixels around places; of all of them where few are around."""
+    height, width = chosen.shape
+    sums = np.zeros((height + 1, width + 1, 4))
+    sums[1:, 1:, :3] = np.where(chosen, lab, 0.0).transpose(1, 2, 0)
+    sums[1:, 1:, 3] = chosen
+    sums = sums.cumsum(axis=0).cumsum(axis=1)
+    size = max(round(reach), 1)
+    top, bottom = np.maximum(rows - size, 0), np.minimum(rows + size + 1, height)
+    left, right = np.maximum(columns - size, 0), np.minimum(columns + size + 1, width)
+    total = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+    whole = sums[-1, -1]
+    few = total[:, 3] < _MIN_SHARE * (bottom - top) * (right - left)
+    total[few] = whole
+    return np.asarray(total[:, :3] / np.maximum(total[:, 3:], 1e-9))
+
+
+def _clean(labels: NDArray[np.int32], rough: NDArray[np.int32], half_width: float) -> NDArray[np.int32]:
+    """Return labels without small holes and blobs."""
+    square = half_width * half_width
+    holes = _core.number_blobs(np.asarray(labels == 0))
+    small = (np.bincount(holes.ravel())[holes] <= max(_MAX_HOLE * square, 1.0)) & (labels == 0)
+    if small.any():
+        labels = np.where(small, np.where(rough > 0, rough, _spread(labels)), labels)
+    if half_width >= _MIN_SMOOTHED:
+        labels = np.where(_count_around(labels > 0) >= 5, np.maximum(labels, _spread(labels)), 0)
+    blobs = _core.number_blobs(np.asarray(labels > 0))
+    kept = np.bincount(blobs.ravel())[blobs] >= _MIN_BLOB * square
+    return np.where(kept, labels, 0).astype(np.int32)
+
+
+def _spread(labels: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the largest label of each pixel's neighbours."""
+    around = np.pad(labels, 1)
+    return np.asarray(
+        np.max([around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:]], axis=0)
+    )
+
+
+def _count_around(mask: Mask) -> NDArray[np.int64]:
+    """Return how many of the 3 x 3 pixels around each are in a mask."""
+    around = np.pad(mask, 1, mode="edge").astype(np.int64)
+    rows = around[:-2] + around[1:-1] + around[2:]
+    return np.asarray(rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:])
