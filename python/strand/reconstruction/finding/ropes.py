@@ -23,7 +23,7 @@ from strand.views.extract import Extract, extract_views
 from strand.views.view import View, masked
 
 _BESIDE = 4  # pixels around a mask of colour: heights are blurred that far
-_MIN_COVERED = 0.7  # share of what stands on the table that colour shows too, if it shows all ropes
+_MIN_MISSED = 20.0  # radii: colour misses a rope if a longer strip stands on the table without it
 _MIN_LENGTH = 14.0  # radii: some view shows a strip of a rope that is longer
 
 
@@ -81,7 +81,7 @@ def find_ropes(
     to their width.
 
     Where all views have colours, these show the ropes too (see `strand.rope_mask`). Colour gives the mask if
-    the table's depths scatter by more than half a rope's radius, or if it shows what stands on the table.
+    the table's depths scatter by more than half a rope's radius, or if no other long strip stands on it.
 
     Parameters
     ----------
@@ -127,13 +127,14 @@ def segment_in_all(extract: Extract, radii: Array | None) -> FoundRopes:
         by_height = segment_views(extract, radii)
     except NoRopeError:
         return replace(by_color, by_color=True)
-    standing = covered = 0
+    radius = float(by_color.radius or 0.0)
     for high, colored in zip(by_height.views, by_color.views, strict=True):
-        if high.mask is not None and colored.mask is not None:
-            near = _core.measure_edge_distances(~colored.mask, _BESIDE + 1) <= _BESIDE
-            standing += int(np.count_nonzero(high.mask))
-            covered += int(np.count_nonzero(high.mask & near))
-    return by_color if covered >= _MIN_COVERED * standing else by_height
+        if high.image is not None and high.mask is not None and colored.mask is not None:
+            near = _core.measure_edge_distances(np.asarray(~colored.mask), _BESIDE + 1) <= _BESIDE
+            missed = replace(high.image, labels=high.mask & ~near)
+            if measure_strip_lengths(missed, radius).max(initial=0.0) > _MIN_MISSED * radius:
+                return by_height
+    return by_color
 
 
 def segment_by_color(extract: Extract, radii: Array | None) -> FoundRopes | None:
