@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from strand.reconstruction.evidence.confidence import assign_doubts, compute_confidence, find_contradictions
+from strand.reconstruction.finding.ends_at_things import doubt_ends_at_things
 from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
 from strand.reconstruction.observing import Hints, Scene
 from strand.reconstruction.orientation import oriented
@@ -42,6 +43,7 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
     against = find_contradictions(chains, found.chains[len(chains) :], hints.prior, found.all_rings)
     if scene.tables:
         against += doubt_ends_at_edge(chains, scene.extract.whole, scene.tables)
+        against += doubt_ends_at_things(chains, scene.extract.whole)
     for doubt, about in [*against, *((doubt, ()) for doubt in upwards.doubts)]:
         run.warn(doubt.kind, doubt.reason, doubt.place, doubt.amount, about)
     doubts = sorted(

@@ -41,6 +41,8 @@ _RADII = (0.002, 0.006)  # metres: range of the ropes' radius
 _RADII_PX = (2.0, 6.0)  # pixels: range of the ropes' radius in the image
 _ELEVATIONS = (math.radians(50.0), math.radians(85.0))  # radians: range of the camera's elevation
 _SIDES = (1.2, 3.0)  # metres: side of the table; the edge of the smaller one may be in view
+_FARTHER = 1.1  # factor of the camera's distance until all ropes are in view
+_MARGIN = 10.0  # pixels between ropes and the image's border
 _MIN_DIFFERENCE = 0.35  # least difference of a rope's colour from the table's, of colours from 0 to 1
 _SKIN: RGB = (0.78, 0.56, 0.45)
 _STEEL: RGB = (0.2, 0.2, 0.22)
@@ -118,6 +120,10 @@ def color_scene(kind: str = "plain", seed: int = 0, *, rope: bool = True) -> Col
     pose = camera_pose(float(rng.uniform(0.0, 2.0 * math.pi)), distance, elevation)
     if max(np.ptp(np.concatenate(ropes)[:, :2], axis=0)) > distance:
         pose = camera_pose(0.0, distance, elevation)
+    turn = math.atan2(pose[1, 3], pose[0, 3])
+    while not _shows_all(ropes, pose):
+        distance *= _FARTHER
+        pose = camera_pose(turn, distance, elevation)
     paint = _draw_paint(rng, kind, len(ropes))
     side = float(rng.choice(_SIDES))
     things = _draw_things(rng, kind, ropes, radius, pose)
@@ -148,6 +154,13 @@ def color_scene(kind: str = "plain", seed: int = 0, *, rope: bool = True) -> Col
         noise=float(1.4826 * np.median(errors)) if len(errors) else 0.0,
     )
     return ColorScene(made, color[None], labels[None])
+
+
+def _shows_all(ropes: tuple[Array, ...], pose: Array) -> bool:
+    """Tell whether a camera has all of the ropes in view."""
+    inside = (np.concatenate(ropes) - pose[:3, 3]) @ pose[:3, :3]
+    places = (inside @ _CAMERA.intrinsics.T)[:, :2] / inside[:, 2:]
+    return bool(((places > _MARGIN) & (places < np.asarray(_CAMERA.size) - _MARGIN)).all())
 
 
 def _draw_ropes(rng: np.random.Generator, radius: float, count: int) -> tuple[Array, ...]:

@@ -13,7 +13,7 @@ use crate::images::color::pieces::{self, Band, Piece};
 use crate::images::color::strips::{self, StripOptions, Strips};
 use crate::images::image::Image;
 
-const COLUMNS: usize = 20; // numbers that describe a piece
+const COLUMNS: usize = 21; // numbers that describe a piece
 
 /// A band: the factor that its image is smaller by, its half width, the pieces' numbers (h, w), their descriptions.
 type BandOfPieces<'py> = (usize, f64, Bound<'py, PyArray2<i32>>, Bound<'py, PyArray2<f64>>);
@@ -30,7 +30,7 @@ pub(super) fn convert_to_lab<'py>(
     };
     let values = colors.into_values();
     let found = released(py, move || {
-        lab::convert_to_lab(&values, width).into_iter().flat_map(|plane| plane.values).collect::<Vec<f32>>()
+        lab::convert_to_lab(&values, width).map(|plane| plane.values).concat()
     })?;
     array(py, found, [3, height, width])
 }
@@ -59,7 +59,7 @@ pub(super) fn find_strips<'py>(
 /// Return the pieces of strips of each width.
 ///
 /// `planes` decide about regions, and `lab` gives colours; without it, `planes` do. For each width: the factor that its
-/// image is smaller by, the half width, the pieces' numbers (h, w), and 20 numbers for each piece.
+/// image is smaller by, the half width, the pieces' numbers (h, w), and 21 numbers for each piece.
 #[pyfunction]
 #[pyo3(signature = (planes, lab, strips))]
 pub(super) fn find_color_pieces<'py>(
@@ -99,7 +99,7 @@ fn list_numbers(piece: &Piece) -> [f64; COLUMNS] {
     let mut found = [0.0; COLUMNS];
     let (c, b) = (piece.color, piece.background);
     let lengths = [piece.half_width, piece.length, piece.extent, piece.widest, piece.even];
-    let looks = [piece.contrast, piece.response, piece.aside, piece.scatter, piece.soft];
+    let looks = [piece.contrast, piece.response, piece.aside, piece.scatter, piece.soft, piece.pure];
     let singles = lengths.into_iter().chain(c).chain(b).chain(looks).map(f64::from);
     let all = singles.chain(piece.bounds.map(|side| side as f64));
     found.iter_mut().zip(all).for_each(|(to, value)| *to = value);

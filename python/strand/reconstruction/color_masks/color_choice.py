@@ -35,6 +35,9 @@ _STRONG = 2.0  # response of such a piece
 _MIN_RELATIVE_LENGTH = 0.12  # of the best piece's length, both in half widths
 _MAX_WIDTH_RATIO = 0.8  # logarithm of half widths of ropes in one image
 _AGAIN = 0.3  # share of a piece that a better one has taken
+_MIN_PURE = 0.9  # share of pixels that differ from the background: such pieces go on beyond better ones
+_MIN_REST = 8.0  # half widths of its rest
+_REST_WIDTH = 0.4  # logarithm of its half width over the best piece's
 _BESIDE = 1.5  # half widths around a rope, and two pixels, in which pieces belong to it
 _NEAR = 30.0  # half widths: pieces this near to a rope of their colour may be part of it
 _MIN_PART_LENGTH = 7.0  # half widths, of such a part
@@ -66,12 +69,15 @@ class Choice:
         Long pieces that are no ropes, and why.
     fragments : float
         Length of other strips over that of the ropes.
+    things : (H, W) ndarray of bool or None
+        Pixels of things that are higher than ropes.
     """
 
     groups: list[list[Piece]] = field(default_factory=list)
     why: str = ""
     left_out: list[tuple[str, Piece]] = field(default_factory=list)
     fragments: float = 0.0
+    things: Mask | None = None
 
     @property
     def pieces(self) -> list[Piece]:
@@ -188,7 +194,7 @@ def _keep_alike(
             reason = "faint"
         elif abs(math.log(piece.half_width / best.half_width)) > _MAX_WIDTH_RATIO:
             reason = "of another width"
-        elif piece.overlap(taken) > _AGAIN:
+        elif (share := piece.overlap(taken)) > _AGAIN and not _goes_on(piece, share, best):
             reason = "the same at another width"
         else:
             kept.append(piece)
@@ -198,6 +204,15 @@ def _keep_alike(
     for piece in kept:
         _take(taken, piece, _BESIDE * piece.half_width + 2.0)
     return kept, taken
+
+
+def _goes_on(piece: Piece, share: float, best: Piece) -> bool:
+    """Tell whether a piece, partly taken, shows more of a rope about as wide as the best."""
+    return (
+        piece.pure > _MIN_PURE
+        and (1.0 - share) * piece.half_widths > _MIN_REST
+        and abs(math.log(piece.half_width / best.half_width)) < _REST_WIDTH
+    )
 
 
 def _find_relative(piece: Piece) -> float:

@@ -16,6 +16,8 @@ _MAX_WIDTH = 1.0 / 10.0  # of the image's shorter side: width of the widest stri
 _MIN_CONTRAST = 7.0  # Lab: least response of a strip
 _NOISE = 4.0  # median responses of the surroundings: least response of a strip
 _ASIDE = 0.3  # share of the difference of a strip's sides that lowers its response
+_MAX_CONTRAST = 40.0  # Lab: pieces that contrast more are no better
+_MAX_RESPONSE = 6.0  # pieces that respond more are no better
 _MIN_KNOWN_CONTRAST = 8.0  # of likelihoods: least response of a strip
 _KNOWN_NOISE = 3.0  # the same as _NOISE, of likelihoods
 
@@ -45,6 +47,8 @@ class Piece:
         Standard deviation of its colours, Lab.
     soft : float
         Width of its edge, pixels.
+    pure : float
+        Share of its middle that differs from the background.
     band_half_width : float
         The half width of the strips that it was sought among, pixels.
     """
@@ -61,6 +65,7 @@ class Piece:
     aside: float
     scatter: float
     soft: float
+    pure: float
     band_half_width: float
     _labels: NDArray[np.int32]
     _number: int
@@ -75,7 +80,8 @@ class Piece:
     @property
     def score(self) -> float:
         """How much of a rope it seems."""
-        return self.half_widths * min(self.contrast, 40.0) * self.even
+        shown = min(self.contrast, _MAX_CONTRAST) * self.pure * self.pure
+        return self.half_widths * shown * self.even * min(self.response, _MAX_RESPONSE)
 
     @property
     def slices(self) -> Slices:
@@ -143,7 +149,7 @@ def _collect(bands: Sequence[tuple[int, float, NDArray[np.int32], Array]]) -> li
     found = []
     for factor, half_width, labels, table in bands:
         for number, row in enumerate(table, 1):
-            top, bottom, left, right = (int(side) for side in row[16:])
+            top, bottom, left, right = (int(side) for side in row[17:])
             found.append(
                 Piece(
                     half_width=float(row[0]),
@@ -158,6 +164,7 @@ def _collect(bands: Sequence[tuple[int, float, NDArray[np.int32], Array]]) -> li
                     aside=float(row[13]),
                     scatter=float(row[14]),
                     soft=float(row[15]),
+                    pure=float(row[16]),
                     band_half_width=half_width,
                     _labels=labels,
                     _number=number,

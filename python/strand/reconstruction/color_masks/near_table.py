@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+import strand._core as _core
 from strand.reconstruction.color_masks.color_pieces import Mask, Piece
 from strand.reconstruction.images.table_plane import Plane, find_largest_plane
 from strand.support.checks import Array
@@ -14,11 +16,17 @@ from strand.views.pinhole import Pinhole
 
 _MAX_POINTS = 20_000  # points that the plane is sought in
 _NEAR_PLANE = 0.01  # of the plane's distance: heights this small give its scatter
+_MIN_SEEN = 0.1  # of the pixels have depth; with fewer, depth shows chosen things rather than a table
 _DEVIATIONS = 3.0  # scatters: pixels this near to the plane show it
 _MIN_HEIGHT = 0.004  # metres: pixels nearer than this show it as well
 _REACH = 20  # pixels around a pixel that show the table
+_EACH = 4  # rows: every fourth one gives the scatter; and every fourth pixel the shares of the table
 _MIN_SHARE = 0.3  # of the pixels around that show the table, beside one that may show a rope
 _SHOWN = 4.0  # scatters of heights: depth shows ropes that are thicker
+_HIGH = 6.0  # radii, and 4 scatters: ropes pile up no higher
+_WIDE = 1.35  # half widths: what is high and wider is a thing
+_EDGE = 2.0  # pixels that things are grown by
+_MIN_THING = 50  # pixels of a thing
 _FLAT = 0.3  # radii: what is lower lies in the table
 
 
@@ -35,7 +43,7 @@ class NearTable:
     heights : (H, W) ndarray
         Above the table, metres; NaN without depth.
     scatter : float
-        Standard deviation of the table's heights, metres.
+        Standard deviation of the table's heights, metres; infinite where little depth shows no table.
     depth : (H, W) ndarray
         Metres; 0 for no return.
     focal : float
@@ -73,6 +81,24 @@ class NearTable:
             return False
         return float(np.median(seen)) < _FLAT * radius
 
+    def find_things(self, radius: float, half_width: float) -> Mask | None:
+        """Return the pixels of things that are wider and higher than ropes; None without any.
+
+        The ropes have a radius, metres, and a half width, pixels.
+        """
+        if not math.isfinite(self.scatter):
+            return None
+        with np.errstate(invalid="ignore"):
+            high = np.asarray(self.heights > _HIGH * radius + _SHOWN * self.scatter)
+        if np.count_nonzero(high) < _MIN_THING:
+            return None
+        reach = _WIDE * half_width
+        core = np.asarray(_core.measure_edge_distances(high, int(reach) + 2) - 0.5 > reach)
+        if not core.any():
+            return None
+        reach += _EDGE + 0.5
+        return np.asarray(_core.measure_edge_distances(~core, int(reach) + 2) < reach)
+
 
 def find_near_table(depth: Array, camera: Pinhole) -> NearTable | None:
     """Find the plane that most depth shows, and the pixels near it; None without a plane."""
@@ -84,13 +110,21 @@ def find_near_table(depth: Array, camera: Pinhole) -> NearTable | None:
     if found is None:
         return None
     plane, _ = found
-    v, u = np.mgrid[: depth.shape[0], : depth.shape[1]]
-    rays = camera.cast_rays(v, u) @ plane.normal
-    heights = np.where(seen, rays * depth - plane.offset, np.nan)
+    # along rows and columns, rays change evenly
+    height, width = depth.shape
+    across = camera.cast_rays(np.zeros(width), np.arange(width)) @ plane.normal
+    down = camera.cast_rays(np.arange(height), np.zeros(height)) @ plane.normal
+    heights = (across + (down - across[0])[:, None]) * depth - plane.offset
+    heights[~seen] = np.nan
     away = np.abs(heights)
-    scatter = estimate_deviation(heights[away < -_NEAR_PLANE * plane.offset])
+    if np.count_nonzero(seen) < _MIN_SEEN * seen.size:
+        near = np.asarray(_core.measure_edge_distances(~seen, _REACH + 1) <= _REACH)
+        return NearTable(plane, near, heights, math.inf, depth, camera.focal[0])
+    few = heights[::_EACH]
+    scatter = estimate_deviation(few[np.abs(few) < -_NEAR_PLANE * plane.offset])
     flat = away < max(_DEVIATIONS * scatter, _MIN_HEIGHT)
-    near = _average(flat.astype(np.float32), _REACH) > _MIN_SHARE
+    shares = _average(flat[::_EACH, ::_EACH].astype(np.float32), _REACH // _EACH) > _MIN_SHARE
+    near = shares.repeat(_EACH, axis=0).repeat(_EACH, axis=1)[: depth.shape[0], : depth.shape[1]]
     return NearTable(plane, near, heights, scatter, depth, camera.focal[0])
 
 

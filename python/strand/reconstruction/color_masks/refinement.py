@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,6 +21,12 @@ _MAX_SAMPLES = 3000  # pixels that give a rope's colours
 _ROUNDS = 6  # rounds of two means
 _TWO_COLORS = 20.0  # Lab: means of a rope's pixels that differ more are two colours
 _MIN_SECOND = 0.2  # share of a second colour
+_BACKGROUND = 0.35  # of the other colour's difference: a colour that differs less is the background's
+_MAX_BACKGROUND = 12.0  # Lab: a colour that differs more from the background is none of it
+_UNLIKE = 0.6  # of the contrast: pixels that differ more from a rope's colour are no part of it
+_MIN_LIGHT = 0.55  # of the light, third root: in shadow
+_MAX_RESIDUAL = 8.0  # Lab: mixtures of rope and background differ less from what they are computed to be
+_WIDE = 1.7  # half widths, and a pixel: discs that are wider than crossing strands
 _ROPE_SHADE = (0.85, 1.12)  # a rope's light, third root, over its mean
 _TABLE_SHADE = (0.72, 1.05)  # the table's light in shadows, third root
 _BLACK = -16.0  # Lab: light of black on lines of one hue
@@ -40,6 +47,26 @@ def refine_labels(
     for label, group in reversed(groups):
         for piece in group:
             rough[piece.slices][piece.pixels] = label
+    window = _find_window(rough > 0, math.ceil(_AROUND * half_width) + 2)
+    labels = np.zeros(shape, dtype=np.int32)
+    numbers = [label for label, _ in groups]
+    labels[window] = _refine(lab[:, window[0], window[1]], rough[window], numbers, half_width)
+    return labels
+
+
+def _find_window(mask: Mask, margin: int) -> tuple[slice, slice]:
+    """Return the rows and columns of a mask and of a margin around it."""
+    spans = []
+    for axis in (1, 0):
+        own = np.flatnonzero(mask.any(axis=axis))
+        spans.append(slice(max(int(own[0]) - margin, 0), int(own[-1]) + margin + 1))
+    return spans[0], spans[1]
+
+
+def _refine(
+    lab: NDArray[np.float32], rough: NDArray[np.int32], numbers: Sequence[int], half_width: float
+) -> NDArray[np.int32]:
+    """Return labels, given (H, W) rough ones and their numbers."""
     mask: Mask = rough > 0
     reach = max(_NEAR, _AWAY) * half_width + 2.0
     away = _core.measure_edge_distances(np.asarray(~mask), int(reach) + 2)
@@ -49,28 +76,42 @@ def refine_labels(
     pixels = lab[:, rows, columns].T.astype(np.float64)
     ground = _average_around(lab, away > _AWAY * half_width + 2.0, rows, columns, _AROUND * half_width)
     from_ground = _measure_from_line(pixels, ground, _TABLE_SHADE)
+    usual = np.median(ground, axis=0)
     best = np.full(len(rows), np.inf)
     labels = np.zeros(len(rows), dtype=np.int32)
-    for label, _ in groups:
+    for label in numbers:
         own = lab[:, inner & (rough == label)].T.astype(np.float64)
         if not len(own):
             own = lab[:, rough == label].T.astype(np.float64)
-        for color in _find_colors(own):
+        for color in _find_colors(own, usual) if len(own) else ():
             away_from = _measure_from_line(pixels, color[None], _ROPE_SHADE)
+            # what is like neither belongs to something else
+            away_from[away_from > _UNLIKE * np.linalg.norm(color - ground, axis=1) + _MAX_BACKGROUND] = np.inf
             closer = away_from < best
             best[closer], labels[closer] = away_from[closer], label
-    found = np.zeros(shape, dtype=np.int32)
+    found = np.zeros(rough.shape, dtype=np.int32)
     found[rows, columns] = np.where(best < from_ground, labels, 0)
     # highlights are brighter than the rope
-    for label, _ in groups:
-        own = (rough == label) & (found == 0)
-        light = lab[0][rough == label]
-        found[own & (lab[0] > np.median(light) + _HIGHLIGHT)] = label
+    for label in numbers:
+        own = rough == label
+        if own.any():
+            bright = lab[0] > np.median(lab[0][own]) + _HIGHLIGHT
+            found[own & (found == 0) & bright] = label
+    found[_find_wide(found > 0, half_width) & ~mask] = 0
     return _clean(found, rough, half_width)
 
 
-def _find_colors(own: Array) -> list[Array]:
-    """Return one or two colours of a rope's (N, 3) pixels."""
+def _find_wide(mask: Mask, half_width: float) -> Mask:
+    """Return the pixels of discs in a mask that are wider than crossing strands."""
+    reach = _WIDE * half_width + 1.0
+    core = np.asarray(_core.measure_edge_distances(mask, int(reach) + 2) > reach)
+    if not core.any():
+        return core
+    return np.asarray(mask & (_core.measure_edge_distances(~core, int(reach) + 2) <= reach))
+
+
+def _find_colors(own: Array, ground: Array) -> list[Array]:
+    """Return one or two colours of a rope's (N, 3) pixels, on a background of another."""
     own = own[:: max(len(own) // _MAX_SAMPLES, 1)]
     middle = np.median(own, axis=0)
     if len(own) < 10:
@@ -87,7 +128,21 @@ def _find_colors(own: Array) -> list[Array]:
     turned = float(np.linalg.norm((means[1] - means[0])[1:]))
     if turned < _TWO_COLORS or min(share, 1.0 - share) < _MIN_SECOND:
         return [middle]
-    return list(means)
+    # a rough mask may hold background and shadows
+    differences = [float(_measure_from_line(mean[None], ground[None], _TABLE_SHADE)[0]) for mean in means]
+    best, other = (0, 1) if differences[0] >= differences[1] else (1, 0)
+    if differences[other] < min(_BACKGROUND * differences[best], _MAX_BACKGROUND):
+        return [means[best]]
+    return [means[best]] if _is_mixed(means[other], means[best], ground) else list(means)
+
+
+def _is_mixed(color: Array, rope: Array, ground: Array) -> bool:
+    """Tell whether a colour is a mixture of a rope's and that of the background in light or shadow."""
+    black = np.array([_BLACK, 0.0, 0.0])
+    parts = np.column_stack([rope - black, ground - black])
+    shares, _, rank, _ = np.linalg.lstsq(parts, color - black, rcond=None)
+    residual = float(np.linalg.norm(parts @ shares - (color - black)))
+    return bool(rank == 2 and shares.min() > 0.0 and shares.sum() > _MIN_LIGHT and residual < _MAX_RESIDUAL)
 
 
 def _measure_from_line(pixels: Array, colors: Array, shade: tuple[float, float]) -> Array:
@@ -106,12 +161,15 @@ def _average_around(
     reach: float,
 ) -> Array:
     """Return (N, 3) mean colours of chosen pixels around places; of all of them where few are around."""
+    lab, chosen = lab[:, ::2, ::2], chosen[::2, ::2]
     height, width = chosen.shape
     sums = np.zeros((height + 1, width + 1, 4))
     sums[1:, 1:, :3] = np.where(chosen, lab, 0.0).transpose(1, 2, 0)
     sums[1:, 1:, 3] = chosen
     sums = sums.cumsum(axis=0).cumsum(axis=1)
-    size = max(round(reach), 1)
+    # every second pixel is enough
+    rows, columns = rows // 2, columns // 2
+    size = max(round(0.5 * reach), 1)
     top, bottom = np.maximum(rows - size, 0), np.minimum(rows + size + 1, height)
     left, right = np.maximum(columns - size, 0), np.minimum(columns + size + 1, width)
     total = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]

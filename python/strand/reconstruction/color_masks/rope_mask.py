@@ -18,6 +18,7 @@ from strand.views.pinhole import Pinhole
 
 _MIN_SIDE = 32  # pixels: no rope is sought in smaller images
 _MAX_COLORS = 8  # colours that are sought at once
+_MAX_ON_THINGS = 0.4  # share of a piece on things that are higher than ropes
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,18 +148,45 @@ def find_mask(
     image: NDArray[np.uint8], table: NearTable | None, known: NDArray[np.uint8] | None, ropes: int | None
 ) -> RopeMask:
     """Find ropes in an (H, W, 3) image, of (N, 3) known colours if there are some."""
+    return search_mask(image, table, known, ropes)[0]
+
+
+def search_mask(
+    image: NDArray[np.uint8], table: NearTable | None, known: NDArray[np.uint8] | None, ropes: int | None
+) -> tuple[RopeMask, list[Piece]]:
+    """Find ropes as `find_mask` does, and return their pieces too."""
     shape = (image.shape[0], image.shape[1])
     if min(shape) < _MIN_SIDE:
-        return _make_mask([], shape, f"color: the image is smaller than {_MIN_SIDE} pixels", None)
+        return _make_mask([], shape, f"color: the image is smaller than {_MIN_SIDE} pixels", None), []
     lab = _core.convert_to_lab(image)
     pieces = find_pieces(lab, None if table is None else table.near)
     if known is None:
-        choice = choose_ropes(pieces, shape, table, ropes)
-        return _make_mask(list(enumerate(choice.groups, 1)), shape, "", table, [choice], lab)
+        choice = _choose_low(pieces, shape, table, ropes)
+        found = _make_mask(list(enumerate(choice.groups, 1)), shape, "", table, [choice], lab)
+        return found, choice.pieces
     colors = _core.convert_to_lab(np.ascontiguousarray(known[None]))[:, 0].T.astype(np.float64)
     choices = [find_known_ropes(lab, own, pieces, table, ropes) for own in colors]
     groups = [(k, choice.pieces) for k, choice in enumerate(choices, 1) if choice.groups]
-    return _make_mask(groups, shape, "", table, choices, lab)
+    return _make_mask(groups, shape, "", table, choices, lab), [piece for _, own in groups for piece in own]
+
+
+def _choose_low(
+    pieces: list[Piece], shape: tuple[int, int], table: NearTable | None, ropes: int | None
+) -> Choice:
+    """Choose ropes among pieces that do not belong to things higher than ropes."""
+    choice = choose_ropes(pieces, shape, table, ropes)
+    radius = None if table is None or not choice.groups else table.measure_radius(choice.pieces)
+    if table is None or radius is None:
+        return choice
+    things = table.find_things(radius, _find_half_width(choice.pieces))
+    if things is None:
+        return choice
+    high = {id(piece) for piece in pieces if piece.overlap(things) > _MAX_ON_THINGS}
+    if high:
+        choice = choose_ropes([piece for piece in pieces if id(piece) not in high], shape, table, ropes)
+        choice.left_out += [("high", piece) for piece in pieces if id(piece) in high]
+    choice.things = things
+    return choice
 
 
 def _convert_known(rope_color: ArrayLike, color: ArrayLike, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -197,6 +225,9 @@ def _make_mask(
     pieces = [piece for _, group in groups for piece in group]
     if pieces and lab is not None:
         labels = refine_labels(lab, groups, _find_half_width(pieces))
+        for choice in choices:
+            if choice.things is not None:
+                labels[choice.things] = 0
     if not pieces:
         why = why or "; ".join(dict.fromkeys(choice.why for choice in choices if choice.why))
         radius_px = float("nan")

@@ -9,7 +9,7 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
-from strand.reconstruction.finding.in_color import find_in_color
+from strand.reconstruction.finding.in_color import ShownInColor, find_in_color
 from strand.reconstruction.finding.standing import find_tabletop
 from strand.reconstruction.finding.strips import OtherObject, segment_ropes
 from strand.reconstruction.finding.widths import estimate_strip_radius, measure_strip_lengths
@@ -23,6 +23,7 @@ from strand.views.extract import Extract, extract_views
 from strand.views.view import View, masked
 
 _BESIDE = 4  # pixels around a mask of colour: heights are blurred that far
+_RESOLVED = 0.5  # radii: where the table's depths scatter less, height shows ropes
 _MIN_MISSED = 20.0  # radii: colour misses a rope if a longer strip stands on the table without it
 _MIN_LENGTH = 14.0  # radii: some view shows a strip of a rope that is longer
 
@@ -118,15 +119,30 @@ def find_ropes(
 
 def segment_in_all(extract: Extract, radii: Array | None) -> FoundRopes:
     """Segment ropes of (K,) radii, metres, by colour where it shows them, else by height."""
-    by_color = segment_by_color(extract, radii)
-    if by_color is None:
+    shown = _find_in_colors(extract)
+    if shown is None:
         return segment_views(extract, radii)
-    if by_color.by_color:
+    scatter = max(one.scatter for one in shown)
+    if not any(one.mask.any() for one in shown):
+        by_height = segment_views(extract, radii)
+        if by_height.radius is not None and not _is_resolved(scatter, by_height.radius, radii):
+            reasons = "; ".join(dict.fromkeys(one.why for one in shown))
+            raise NoRopeError(f"views: depth resolves no rope on the table, and colours show none: {reasons}")
+        return by_height
+    by_color = _take_colors(extract, shown, radii)
+    shaded = any(one.shaded for one in shown)
+    if not shaded and (by_color.by_color or not any(one.missed for one in shown)):
         return by_color
     try:
         by_height = segment_views(extract, radii)
     except NoRopeError:
         return replace(by_color, by_color=True)
+    if by_height.radius is None:
+        return by_color
+    if shaded:
+        # shadows beside ropes are as thin as these; a rope's height tells them apart
+        resolved = _is_resolved(scatter, by_height.radius, radii)
+        return by_height if resolved else replace(by_color, by_color=True)
     radius = float(by_color.radius or 0.0)
     for high, colored in zip(by_height.views, by_color.views, strict=True):
         if high.image is not None and high.mask is not None and colored.mask is not None:
@@ -139,18 +155,39 @@ def segment_in_all(extract: Extract, radii: Array | None) -> FoundRopes:
 
 def segment_by_color(extract: Extract, radii: Array | None) -> FoundRopes | None:
     """Segment ropes by colour, if all views have colours and some of these show ropes."""
-    shown = [find_in_color(view.image, radii) for view in extract.whole]
-    seen = [one for one in shown if one is not None]
-    if len(seen) < len(shown) or not any(one.mask.any() for one in seen):
+    shown = _find_in_colors(extract)
+    if shown is None or not any(one.mask.any() for one in shown):
         return None
+    return _take_colors(extract, shown, radii)
+
+
+def _is_resolved(scatter: float, radius: float, radii: Array | None) -> bool:
+    """Tell whether depths scatter so little that heights show ropes of known radii, or of a radius."""
+    return scatter <= _RESOLVED * (radius if radii is None else float(radii.min()))
+
+
+def _find_in_colors(extract: Extract) -> list[ShownInColor] | None:
+    """Find ropes in the views' colours; None if a view has no colours or shows no table."""
+    found = []
+    for view in extract.whole:
+        one = find_in_color(view.image)
+        if one is None:
+            return None
+        found.append(one)
+    return found
+
+
+def _take_colors(extract: Extract, shown: Sequence[ShownInColor], radii: Array | None) -> FoundRopes:
+    """Return the views with the masks that their colours show."""
     views = tuple(
         masked(view, replace(view.image, labels=one.mask))
-        for view, one in zip(extract.whole, seen, strict=True)
+        for view, one in zip(extract.whole, shown, strict=True)
         if view.image is not None
     )
-    radius = float(np.median([one.radius for one in seen if one.mask.any()]))
-    resolved = any(one.resolved for one in seen)
-    return FoundRopes(views, radius, tuple(one.plane for one in seen), (), by_color=not resolved)
+    own = [one for one in shown if one.mask.any()]
+    radius = float(np.median([one.radius for one in own]))
+    resolved = any(_is_resolved(one.scatter, radius, radii) for one in own)
+    return FoundRopes(views, radius, tuple(one.plane for one in shown), (), by_color=not resolved)
 
 
 def segment_views(extract: Extract, radii: Array | None) -> FoundRopes:

@@ -16,6 +16,8 @@ const MIN_STRIP: f64 = 4.0; // half widths: pixels of a strip's middle
 const MIN_AREA: usize = 12; // pixels of a piece
 const EVEN: f32 = 0.35; // logarithm of half widths along a piece
 const EVEN_PIXELS: f32 = 0.3; // pixels: the same for thin strips, over the half width
+const FAR: f64 = 6.0; // half widths around strips whose colours matter
+const IN_BACKGROUND: f32 = 0.35; // of the contrast: pixels that differ less from the background belong to it
 const SOFT_REACH: usize = 8; // pixels around a piece whose edge is measured
 const SOFT_BINS: [i32; 2] = [-6, 4]; // pixels from the edge, inside is positive
 const SOFT_STEP: [f32; 2] = [0.2, 0.8]; // of an edge's step of light: places between these are soft
@@ -51,6 +53,8 @@ pub struct Piece {
     pub scatter: f32,
     /// Width of its edge's step of light.
     pub soft: f32,
+    /// Share of its inner pixels that differ from the background.
+    pub pure: f32,
     /// Rows and columns of its bounding box in the band's image: top, bottom, left, right.
     pub bounds: [usize; 4],
 }
@@ -120,16 +124,53 @@ fn find_band(
     if !core.values.iter().any(|&own| own) {
         return None;
     }
-    let region_planes = shrunk_planes(planes, small);
-    let mut region = find_region(&region_planes, &core, fine);
-    let colors = if plain { region_planes } else { shrunk_planes(lab, small) };
+    // what lies far from the strips says nothing about them
+    let window = find_window(&core, (FAR * fine) as usize + SOFT_REACH + 2);
+    let core = cut(&core, window);
+    let own = cut_planes(&shrunk_planes(planes, small), window);
+    let mut region = find_region(&own, &core, fine);
+    let colors = if plain { own } else { cut_planes(&shrunk_planes(lab, small), window) };
     if !plain {
         region.background.fill([0.0; 3]);
     }
-    let response = shrunk(&strips.response, small);
-    let aside = shrunk(&strips.aside, small);
-    let (labels, pieces) = describe(&region, &colors, &response, &aside, factor);
+    let response = cut(&shrunk(&strips.response, small), window);
+    let aside = cut(&shrunk(&strips.aside, small), window);
+    let (near, mut pieces) = describe(&region, &colors, &response, &aside, factor);
+    let [top, _, left, _] = window;
+    let mut labels = Image::filled(small[0], small[1], 0i32);
+    for (y, row) in near.values.chunks_exact(near.width).enumerate() {
+        labels.values[(top + y) * small[0] + left..][..near.width].copy_from_slice(row);
+    }
+    for piece in &mut pieces {
+        let [t, b, l, r] = piece.bounds;
+        piece.bounds = [t + top, b + top, l + left, r + left];
+    }
     Some(Band { factor, half_width: f64::from(half_width), labels, pieces })
+}
+
+/// Returns rows and columns (top, bottom, left, right) that hold all pixels of a mask and a margin around them.
+fn find_window(mask: &Image<bool>, margin: usize) -> [usize; 4] {
+    let (w, h) = (mask.width, mask.height);
+    let [mut top, mut bottom, mut left, mut right] = [h, 0, w, 0];
+    for (y, row) in mask.values.chunks_exact(w).enumerate() {
+        let Some(first) = row.iter().position(|&own| own) else { continue };
+        let last = row.iter().rposition(|&own| own).unwrap_or(first);
+        top = top.min(y);
+        bottom = y + 1;
+        left = left.min(first);
+        right = right.max(last + 1);
+    }
+    let (top, left) = (top.saturating_sub(margin), left.saturating_sub(margin));
+    [top, (bottom + margin).min(h), left, (right + margin).min(w)]
+}
+
+fn cut<T: Copy>(image: &Image<T>, [top, bottom, left, right]: [usize; 4]) -> Image<T> {
+    let rows = (top..bottom).map(|y| &image.values[y * image.width + left..y * image.width + right]);
+    Image { width: right - left, height: bottom - top, values: rows.flatten().copied().collect() }
+}
+
+fn cut_planes(planes: &Planes, window: [usize; 4]) -> Planes {
+    [0, 1, 2].map(|k| cut(&planes[k], window))
 }
 
 /// Numbers the pieces of a region, and describes each.
@@ -198,6 +239,9 @@ impl Context<'_> {
         let color_mean = mean(inner.iter().map(|&k| color(self.colors, k)));
         let background = mean(own.iter().map(|&k| self.region.background[k]));
         let away = |k: &usize| difference2(color(self.colors, *k), self.region.background[*k]).sqrt();
+        let mut differences: Vec<f32> = inner.iter().map(away).collect();
+        let contrast = median(&mut differences);
+        let shown = differences.iter().filter(|&&difference| difference > IN_BACKGROUND * contrast).count();
         let square: f32 = inner.iter().map(|&k| difference2(color(self.colors, k), color_mean)).sum();
         let [down, across] = [bounds[1] - bounds[0] - 1, bounds[3] - bounds[2] - 1].map(|side| side as f32);
         let length = own.len() as f32 / (2.0 * half_width);
@@ -210,11 +254,12 @@ impl Context<'_> {
             even: if total > 0.0 { even / total } else { 0.0 },
             color: color_mean,
             background,
-            contrast: median(&mut inner.iter().map(away).collect::<Vec<f32>>()),
+            contrast,
             response: median(&mut own.iter().map(|&k| self.response.values[k]).collect::<Vec<f32>>()),
             aside: median(&mut inner.iter().map(|&k| self.aside.values[k]).collect::<Vec<f32>>()),
             scatter: (square / inner.len().max(1) as f32).sqrt(),
             soft: soft * scale,
+            pure: shown as f32 / inner.len().max(1) as f32,
             bounds,
         }
     }

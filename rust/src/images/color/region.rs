@@ -10,7 +10,7 @@ const NEAR: f32 = 1.2; // half widths from strips: a region ends there, and one 
 const SMOOTHED: f64 = 3.5; // pixels: colours of wider strips are means of 3 x 3 pixels
 const CLOSED: f64 = 2.0; // pixels: regions of wider strips are closed by a pixel
 const AROUND: f64 = 3.0; // half widths: reach of the background's mean, less 2 pixels
-const FAR_AROUND: f64 = 12.0; // half widths: reach where that shows too little background
+const FAR_AROUND: f64 = 6.0; // half widths: reach where that shows too little background
 const MIN_SHARE: f32 = 0.1; // share of background around
 const MIN_FAR_SHARE: f32 = 0.02; // share of background farther around
 const WEAK: f32 = 0.4; // of the usual contrast: what contrasts less is no rope
@@ -30,33 +30,44 @@ pub fn find_region(planes: &Planes, core: &Image<bool>, half_width: f64) -> Regi
     let limit = NEAR * half_width as f32 + 1.0;
     let from_core = measure_distances(core, false, limit.ceil() as usize + 1);
     let near: Vec<usize> = (0..width * height).filter(|&k| from_core.values[k] < limit).collect();
-    let ropes = Sums::new(planes, |k| core.values[k]);
-    let reach = |pixels: f64| (pixels.round() as usize).max(1);
+    let cell = (half_width as usize).max(1);
+    let ropes = Sums::new(planes, cell, |k| core.values[k]);
+    let [columns, rows] = ropes.size();
+    let cell_of = |k: usize| k / width / cell * columns + k % width / cell;
+    let mut needed = vec![false; columns * rows];
+    near.iter().for_each(|&k| needed[cell_of(k)] = true);
     let mut mask = core.clone();
     let mut background = vec![[0.0f32; 3]; width * height];
     let mut evidence = vec![(0.0f32, 0.0f32); near.len()];
     for _ in 0..ROUNDS {
         let beside = BESIDE * half_width as f32 + 1.0;
         let away = measure_distances(&mask, false, beside.ceil() as usize + 1);
-        let table = Sums::new(planes, |k| away.values[k] > beside);
+        let table = Sums::new(planes, cell, |k| away.values[k] > beside);
         let everywhere = table.total();
-        for (&k, found) in near.iter().zip(&mut evidence) {
-            let (x, y) = (k % width, k / width);
-            let (around, share) = table.mean(x, y, reach(AROUND * half_width + 2.0));
-            let (farther, far_share) = table.mean(x, y, reach(FAR_AROUND * half_width));
+        // colours of the background and the rope in each cell
+        let mut around = vec![([0.0f32; 3], [0.0f32; 3], 0.0f32); columns * rows];
+        for c in (0..columns * rows).filter(|&c| needed[c]) {
+            let (i, j) = (c % columns, c / columns);
+            let (own, share) = table.mean(i, j, AROUND * half_width + 2.0);
             let ground = if share > MIN_SHARE {
-                around
-            } else if far_share > MIN_FAR_SHARE {
-                farther
+                own
             } else {
-                everywhere
+                let (farther, far_share) = table.mean(i, j, FAR_AROUND * half_width);
+                if far_share > MIN_FAR_SHARE { farther } else { everywhere }
             };
+            let (rope, share) = ropes.mean(i, j, half_width + 1.0);
+            around[c] = (ground, rope, if share > 0.0 { difference2(rope, ground) } else { 0.0 });
+        }
+        for (&k, found) in near.iter().zip(&mut evidence) {
+            let (ground, rope, contrast2) = around[cell_of(k)];
             background[k] = ground;
-            let (rope, share) = ropes.mean(x, y, reach(half_width + 1.0));
-            let contrast2 = difference2(rope, ground);
-            let own = if half_width < SMOOTHED { color(planes, k) } else { mean_around(planes, x, y) };
+            let own = if half_width < SMOOTHED {
+                color(planes, k)
+            } else {
+                mean_around(planes, k % width, k / width)
+            };
             let toward: f32 = (0..3).map(|p| (own[p] - ground[p]) * (rope[p] - ground[p])).sum();
-            *found = (if share > 0.0 { contrast2 } else { 0.0 }, toward / contrast2.max(1e-6));
+            *found = (contrast2, toward / contrast2.max(1e-6));
         }
         let mut usual: Vec<f32> =
             near.iter().zip(&evidence).filter(|(k, _)| core.values[**k]).map(|(_, found)| found.0).collect();

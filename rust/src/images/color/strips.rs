@@ -18,8 +18,10 @@ const MARGIN: usize = 8; // pixels around an image, with the colours of its bord
 const STEP: f64 = 1.5; // from one width to the next
 const HALF_WIDTH: f64 = 2.0; // pixels of a small image: half width of the strips that answer most
 const MAX_WIDTH: f64 = 4.5; // pixels of a small image: largest width of a strip there
+const TOGETHER: usize = 16; // pixels that are compared at once
 const BLOCK: usize = 24; // pixels: side of the blocks whose median response is the background's
 const BLOCKS: usize = 2; // blocks on each side of one whose median counts
+const WEAKEST: f32 = 0.4; // least response that is kept
 const BETTER: f32 = 1.1; // the response at another width has to be larger by this
 
 /// What counts as a strip.
@@ -47,34 +49,69 @@ pub struct Strips {
     pub aside: Image<f32>,
 }
 
-/// Finds the strongest strip at each pixel.
+/// Finds the strongest strip at each pixel. Responses below `WEAKEST` are 0.
 pub fn find_strips(planes: &Planes, options: &StripOptions) -> Strips {
     let [width, height] = size(planes);
     let mut best: Vec<[f32; 3]> = vec![[0.0, 1.0, 0.0]; width * height];
+    let mut levels: Vec<Planes> = Vec::new();
     let mut scale = 1.0;
     while scale == 1.0 || MAX_WIDTH * scale <= options.max_width {
         let small = [width, height].map(|side| ((side as f64 / scale).round() as usize).max(1));
-        let level = shrunk_planes(planes, small);
+        // smaller copies of smaller copies are as good, and cheaper
+        let from = if levels.len() >= 2 { &levels[levels.len() - 2] } else { planes };
+        let level = shrunk_planes(from, small);
         let (response, aside) = find_responses(&level, options);
-        let columns = find_places(width, small[0]);
-        let rows = find_places(height, small[1]);
+        levels.push(level);
         let half_width = (HALF_WIDTH * scale) as f32;
-        parallel::rows(&mut best, width, |first, part| {
-            for (n, row) in part.chunks_exact_mut(width).enumerate() {
-                let y = rows[first + n];
-                for (to, &x) in row.iter_mut().zip(&columns) {
-                    let answer = interpolate(&response, x, y);
-                    if answer > BETTER * to[0] {
-                        *to = [answer, half_width, interpolate(&aside, x, y)];
-                    }
-                }
-            }
-        });
+        keep_better(&mut best, [width, height], &response, &aside, half_width);
         scale *= STEP;
     }
     let [response, half_width, aside] =
         [0, 1, 2].map(|k| Image { width, height, values: best.iter().map(|found| found[k]).collect() });
     Strips { response, half_width, aside }
+}
+
+/// Keeps the responses of a small image where they are better than those that were found.
+fn keep_better(
+    best: &mut [[f32; 3]],
+    [width, height]: [usize; 2],
+    response: &Image<f32>,
+    aside: &Image<f32>,
+    half_width: f32,
+) {
+    let columns = find_places(width, response.width);
+    let rows = find_places(height, response.height);
+    // the columns that lie between the same two of the small image
+    let mut runs: Vec<(usize, usize, usize)> = Vec::new();
+    for (x, &(i, _)) in columns.iter().enumerate() {
+        match runs.last_mut() {
+            Some(run) if run.0 == i => run.2 = x + 1,
+            _ => runs.push((i, x, x + 1)),
+        }
+    }
+    parallel::rows(best, width, |first, part| {
+        for (n, row) in part.chunks_exact_mut(width).enumerate() {
+            let y = rows[first + n];
+            let upper = &response.values[y.0 * response.width..][..response.width];
+            let lower = if y.0 + 1 < response.height {
+                &response.values[(y.0 + 1) * response.width..][..response.width]
+            } else {
+                upper
+            };
+            for &(i, begin, end) in &runs {
+                let next = (i + 1).min(response.width - 1);
+                if upper[i].max(upper[next]).max(lower[i]).max(lower[next]) < WEAKEST {
+                    continue;
+                }
+                for (to, &x) in row[begin..end].iter_mut().zip(&columns[begin..end]) {
+                    let answer = interpolate(response, x, y);
+                    if answer > BETTER * to[0] {
+                        *to = [answer, half_width, interpolate(aside, x, y)];
+                    }
+                }
+            }
+        }
+    });
 }
 
 /// Returns the largest response over directions, over the least one there, and how much the sides differ.
@@ -151,29 +188,74 @@ kernel! {
                     }
                     continue;
                 }
-                let (c0, c1, c2) = (at(0, 0), at(1, 0), at(2, 0));
-                let (a0, a1, a2) = (at(0, aside), at(1, aside), at(2, aside));
-                let (b0, b1, b2) = (at(0, -aside), at(1, -aside), at(2, -aside));
-                for x in 0..width {
-                    let apart = |p: [f32; 3], q: [f32; 3]| {
-                        let [u, v, w] = [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
-                        (u * u + v * v + w * w).sqrt()
-                    };
-                    let c = [c0[x], c1[x], c2[x]];
-                    let (a, b) = ([a0[x], a1[x], a2[x]], [b0[x], b1[x], b2[x]]);
-                    let (ca, cb, ab) = (apart(c, a), apart(c, b), apart(a, b));
-                    let least = ca.min(cb);
-                    let answer = least.min(0.5 * (ca + cb - ab)) - options.aside * ab;
-                    let side = ab / (least + 1e-3);
-                    let better = answer > best[x];
-                    best[x] = if better { answer } else { best[x] };
-                    sides[x] = if better { side } else { sides[x] };
-                }
+                let own = [at(0, 0), at(1, 0), at(2, 0)];
+                let before = [at(0, aside), at(1, aside), at(2, aside)];
+                let after = [at(0, -aside), at(1, -aside), at(2, -aside)];
+                compare(own, before, after, options.aside, best, sides);
             }
         }
         for ((to, best), side) in to.iter_mut().zip(best).zip(sides) {
             *to = [best, side];
         }
+    }
+}
+
+/// Updates the largest response of a row, and how much the sides differ there.
+#[inline(always)]
+fn compare(
+    own: [&[f32]; 3],
+    before: [&[f32]; 3],
+    after: [&[f32]; 3],
+    weight: f32,
+    best: &mut [f32],
+    sides: &mut [f32],
+) {
+    let width = best.len();
+    if width < TOGETHER {
+        for x in 0..width {
+            compare_some::<1>(own, before, after, weight, best, sides, x);
+        }
+        return;
+    }
+    // the last ones may come twice, which changes nothing
+    let mut x = 0;
+    while x + TOGETHER < width {
+        compare_some::<TOGETHER>(own, before, after, weight, best, sides, x);
+        x += TOGETHER;
+    }
+    compare_some::<TOGETHER>(own, before, after, weight, best, sides, width - TOGETHER);
+}
+
+/// Does [`compare`] for `N` pixels from `x` on.
+#[inline(always)]
+fn compare_some<const N: usize>(
+    own: [&[f32]; 3],
+    before: [&[f32]; 3],
+    after: [&[f32]; 3],
+    weight: f32,
+    best: &mut [f32],
+    sides: &mut [f32],
+    x: usize,
+) {
+    let (mut ca, mut cb, mut ab) = ([0.0f32; N], [0.0f32; N], [0.0f32; N]);
+    for k in 0..3 {
+        let (c, a, b) = (&own[k][x..x + N], &before[k][x..x + N], &after[k][x..x + N]);
+        for n in 0..N {
+            let (u, v, w) = (c[n] - a[n], c[n] - b[n], a[n] - b[n]);
+            ca[n] += u * u;
+            cb[n] += v * v;
+            ab[n] += w * w;
+        }
+    }
+    let (best, sides) = (&mut best[x..x + N], &mut sides[x..x + N]);
+    for n in 0..N {
+        let (ca, cb, ab) = (ca[n].sqrt(), cb[n].sqrt(), ab[n].sqrt());
+        let least = if ca < cb { ca } else { cb };
+        let between = 0.5 * (ca + cb - ab);
+        let answer = (if least < between { least } else { between }) - weight * ab;
+        let better = answer > best[n];
+        best[n] = if better { answer } else { best[n] };
+        sides[n] = if better { ab / (least + 1e-3) } else { sides[n] };
     }
 }
 

@@ -1,56 +1,75 @@
-//! Means of colours over chosen pixels of squares, from sums over all pixels above and to the left.
+//! Means of colours over chosen pixels of squares, from sums over all cells above and to the left.
 
 use super::{Planes, size};
 
-/// Sums of three numbers and counts of chosen pixels.
+const UNITS: f32 = 64.0; // units of a whole number for each unit of colour
+
+/// Sums of three numbers and counts of chosen pixels, over square cells.
+///
+/// The sums are whole numbers that wrap: differences of them are exact.
 pub struct Sums {
-    width: usize,
-    height: usize,
-    sums: Vec<[f64; 4]>,
+    cell: usize,
+    columns: usize,
+    rows: usize,
+    sums: Vec<[i32; 4]>,
 }
 
 impl Sums {
-    pub fn new(planes: &Planes, chosen: impl Fn(usize) -> bool) -> Self {
+    /// Sums chosen pixels over cells with a side in pixels.
+    pub fn new(planes: &Planes, cell: usize, chosen: impl Fn(usize) -> bool) -> Self {
         let [width, height] = size(planes);
-        let mut sums = vec![[0.0f64; 4]; (width + 1) * (height + 1)];
-        for y in 0..height {
-            let (above, here) = sums[y * (width + 1)..(y + 2) * (width + 1)].split_at_mut(width + 1);
-            let mut row = [0.0f64; 4];
-            for x in 0..width {
-                let k = y * width + x;
-                if chosen(k) {
-                    for (sum, plane) in row.iter_mut().zip(planes) {
-                        *sum += f64::from(plane.values[k]);
+        let (columns, rows) = (width.div_ceil(cell), height.div_ceil(cell));
+        let mut sums = vec![[0i32; 4]; (columns + 1) * (rows + 1)];
+        for j in 0..rows {
+            let (above, here) = sums[j * (columns + 1)..(j + 2) * (columns + 1)].split_at_mut(columns + 1);
+            for y in j * cell..((j + 1) * cell).min(height) {
+                for x in 0..width {
+                    let k = y * width + x;
+                    if chosen(k) {
+                        let to = &mut here[x / cell + 1];
+                        for (sum, plane) in to.iter_mut().zip(planes) {
+                            *sum = sum.wrapping_add((UNITS * plane.values[k]) as i32);
+                        }
+                        to[3] += 1;
                     }
-                    row[3] += 1.0;
                 }
-                for ((to, above), own) in here[x + 1].iter_mut().zip(above[x + 1]).zip(row) {
-                    *to = above + own;
+            }
+            let mut row = [0i32; 4];
+            for (to, above) in here.iter_mut().zip(above) {
+                for n in 0..4 {
+                    row[n] = row[n].wrapping_add(to[n]);
+                    to[n] = row[n].wrapping_add(above[n]);
                 }
             }
         }
-        Self { width, height, sums }
+        Self { cell, columns, rows, sums }
     }
 
-    /// Returns the mean over the chosen pixels at most `reach` rows and columns away, and the share of chosen pixels.
-    pub fn mean(&self, x: usize, y: usize, reach: usize) -> ([f32; 3], f32) {
-        let (left, right) = (x.saturating_sub(reach), (x + reach + 1).min(self.width));
-        let (top, bottom) = (y.saturating_sub(reach), (y + reach + 1).min(self.height));
+    /// Returns the number of columns and rows of cells.
+    pub fn size(&self) -> [usize; 2] {
+        [self.columns, self.rows]
+    }
+
+    /// Returns the mean over the chosen pixels of the cells whose middles are at most `reach` pixels from a cell's, along
+    /// rows and columns, and the share of chosen pixels.
+    pub fn mean(&self, column: usize, row: usize, reach: f64) -> ([f32; 3], f32) {
+        let cells = (reach / self.cell as f64).round() as usize;
+        let (left, right) = (column.saturating_sub(cells), (column + cells + 1).min(self.columns));
+        let (top, bottom) = (row.saturating_sub(cells), (row + cells + 1).min(self.rows));
         self.mean_of([left, right], [top, bottom])
     }
 
     /// Returns the mean over all chosen pixels.
     pub fn total(&self) -> [f32; 3] {
-        self.mean_of([0, self.width], [0, self.height]).0
+        self.mean_of([0, self.columns], [0, self.rows]).0
     }
 
     fn mean_of(&self, [left, right]: [usize; 2], [top, bottom]: [usize; 2]) -> ([f32; 3], f32) {
-        let at = |x: usize, y: usize| self.sums[y * (self.width + 1) + x];
+        let at = |x: usize, y: usize| self.sums[y * (self.columns + 1) + x];
         let (a, b, c, d) = (at(left, top), at(right, top), at(left, bottom), at(right, bottom));
-        let sum = [0, 1, 2, 3].map(|k| d[k] - b[k] - c[k] + a[k]);
-        let count = sum[3].max(1e-6);
-        let area = ((right - left) * (bottom - top)).max(1) as f64;
-        ([0, 1, 2].map(|k| (sum[k] / count) as f32), (sum[3] / area) as f32)
+        let sum = [0, 1, 2, 3].map(|n| d[n].wrapping_sub(b[n]).wrapping_sub(c[n]).wrapping_add(a[n]) as f32);
+        let area = ((right - left) * (bottom - top) * self.cell * self.cell).max(1) as f32;
+        ([0, 1, 2].map(|n| sum[n] / UNITS / sum[3].max(1e-6)), sum[3] / area)
     }
 }
 
@@ -68,17 +87,21 @@ mod tests {
             values: (0..width * height).map(|k| (k * step % 11) as f32).collect(),
         });
         let chosen = |k: usize| k % 3 != 1;
-        let sums = Sums::new(&planes, chosen);
-        for (x, y, reach) in [(0, 0, 2), (4, 3, 1), (8, 6, 3), (5, 2, 20)] {
-            let own: Vec<usize> = (0..width * height)
-                .filter(|&k| {
-                    (k % width).abs_diff(x) <= reach && (k / width).abs_diff(y) <= reach && chosen(k)
-                })
-                .collect();
-            let (mean, _) = sums.mean(x, y, reach);
-            for (plane, mean) in planes.iter().zip(mean) {
-                let brute = own.iter().map(|&k| plane.values[k]).sum::<f32>() / own.len() as f32;
-                assert!((brute - mean).abs() < 1e-4);
+        for cell in [1, 2] {
+            let sums = Sums::new(&planes, cell, chosen);
+            assert_eq!(sums.size(), [9usize.div_ceil(cell), 7usize.div_ceil(cell)]);
+            for (x, y, reach) in [(0, 0, 2), (4, 3, 1), (3, 2, 3), (1, 2, 20)] {
+                let own: Vec<usize> = (0..width * height)
+                    .filter(|&k| {
+                        let (i, j) = (k % width / cell, k / width / cell);
+                        i.abs_diff(x) <= reach && j.abs_diff(y) <= reach && chosen(k)
+                    })
+                    .collect();
+                let (mean, _) = sums.mean(x, y, (reach * cell) as f64);
+                for (plane, mean) in planes.iter().zip(mean) {
+                    let brute = own.iter().map(|&k| plane.values[k]).sum::<f32>() / own.len() as f32;
+                    assert!((brute - mean).abs() < 1e-4);
+                }
             }
         }
     }

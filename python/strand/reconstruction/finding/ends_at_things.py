@@ -1,0 +1,57 @@
+"""Ropes that end where something stands before the camera: they may go on behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from strand.ropes.chain import Chain
+from strand.ropes.doubt import Doubt
+from strand.support.checks import Array
+from strand.views.depth_image import DepthImage
+from strand.views.view import View
+
+_STEPS = (1.5, 2.5, 3.5)  # radii beyond an end: something is sought there
+_BACK = 3.0  # radii along the rope that give the direction of its end
+_IN_FRONT = 5.0  # radii: what is this much nearer to the camera is no rope on the rope
+_MIN_DISTANCE = 0.02  # of the end's distance from the camera: the same, where depth is coarse
+_DOUBT = 0.3  # amount of doubt of an end
+
+
+def doubt_ends_at_things(
+    chains: Sequence[Chain], views: Sequence[View]
+) -> list[tuple[Doubt, tuple[int, ...]]]:
+    """Doubt ends beyond which all views show something in front: the rope may go on behind it.
+
+    Returns
+    -------
+    list of (Doubt, tuple of int)
+        Each with the number of its chain.
+    """
+    images = [view.image for view in views]
+    found: list[tuple[Doubt, tuple[int, ...]]] = []
+    for number, chain in enumerate(chains):
+        for at in () if chain.closed else (0.0, chain.length):
+            inward = abs(at - min(_BACK * chain.radius, chain.length))
+            end, back = chain.at(at), chain.at(inward)
+            step = (end - back) / max(float(np.linalg.norm(end - back)), 1e-12) * chain.radius
+            places = end + np.outer(_STEPS, step)
+            if images and all(_hides(image, places, chain.radius) for image in images):
+                reason = "something stands in front of this end: the rope may go on behind it"
+                found.append((Doubt("end", _DOUBT, "where a rope ends", reason, end), (number,)))
+    return found
+
+
+def _hides(image: DepthImage | None, places: Array, radius: float) -> bool:
+    """Tell whether an image shows something clearly in front of one of (N, 3) places."""
+    if image is None:
+        return False
+    columns, rows = np.rint(image.project(places)).astype(np.int64).T
+    away = (places - image.pose[:3, 3]) @ image.pose[:3, 2]
+    height, width = image.depth.shape
+    inside = (away > 0) & (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+    shown = image.depth[rows[inside], columns[inside]]
+    before = away[inside] - shown
+    least = np.maximum(_IN_FRONT * radius, _MIN_DISTANCE * away[inside])
+    return bool(((shown > 0) & (before > least)).any())
