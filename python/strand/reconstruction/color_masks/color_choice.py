@@ -84,6 +84,11 @@ class Choice:
         """All pieces."""
         return [piece for group in self.groups for piece in group]
 
+    @property
+    def length(self) -> float:
+        """Length of all pieces, pixels."""
+        return sum(piece.length for piece in self.pieces)
+
 
 def choose_ropes(
     pieces: Sequence[Piece],

@@ -25,6 +25,7 @@ _PRIOR = np.log(0.1 / 0.9)  # logarithm of the odds of a rope's pixel
 _MAX_ODDS = 3.0  # logarithm of the odds, at most; and its inverse
 _SCALE = 8.0  # units of a response for each unit of logarithm
 _MAX_DIFFERENCE = 22.0  # Lab: pieces of other colours are dropped
+_MIN_SHOWN = 0.2  # share of a piece's pixels that have a colour, if it is of the rope
 _PLAIN_DIFFERENCE = 14.0  # Lab: pieces found without the colour have it
 _MAX_ASIDE = 0.45  # of the contrast: difference of the sides of such a piece
 _LIGHT = 0.5  # weight of light in these differences
@@ -68,8 +69,26 @@ def find_known_ropes(
         if not choice.groups:
             break
         mask = _mask_pieces(choice.pieces, shape)
-    lengths = [sum(piece.length for piece in each.pieces) for each in (own, choice)]
-    return own if lengths[0] > lengths[1] else choice
+    return own if own.length > choice.length else choice
+
+
+def split_by_color(choice: Choice, lab: NDArray[np.float32], colors: Array) -> list[Choice]:
+    """Return the pieces of a choice that show each of (N, 3) colours, a choice for each."""
+    groups: list[list[Piece]] = [[] for _ in colors]
+    weight = np.array([_LIGHT, 1.0, 1.0])
+    for piece in choice.pieces:
+        own = lab[:, piece.slices[0], piece.slices[1]][:, piece.pixels].T
+        shares = [
+            float(np.mean(np.linalg.norm((own - color) * weight, axis=1) < _MAX_DIFFERENCE))
+            for color in colors
+        ]
+        best = int(np.argmax(shares))
+        if shares[best] > _MIN_SHOWN:
+            groups[best].append(piece)
+    return [
+        replace(choice, groups=[group] if group else [], why="" if group else "no strip has the colour")
+        for group in groups
+    ]
 
 
 def _is_plain(piece: Piece, color: Array) -> bool:

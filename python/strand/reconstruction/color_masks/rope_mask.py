@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 import strand._core as _core
 from strand.reconstruction.color_masks.color_choice import Choice, choose_ropes
 from strand.reconstruction.color_masks.color_pieces import Piece, find_pieces
-from strand.reconstruction.color_masks.known_color import find_known_ropes
+from strand.reconstruction.color_masks.known_color import find_known_ropes, split_by_color
 from strand.reconstruction.color_masks.near_table import NearTable, find_near_table
 from strand.reconstruction.color_masks.refinement import refine_labels
 from strand.support.checks import Array, check_colors, check_integer, check_intrinsics, to_array
@@ -18,6 +18,11 @@ from strand.views.pinhole import Pinhole
 
 _MIN_SIDE = 32  # pixels: no rope is sought in smaller images
 _MAX_COLORS = 8  # colours that are sought at once
+_MAX_HUES = 6  # hues and chromas of ropes; more are a pattern
+_ONE_HUE = 18.0  # Lab: differences of one hue and chroma, of a and b
+_MIN_SHARE = 0.03  # of the pixels: hues that fewer have do not count
+_MAX_SAMPLES = 1500  # pixels whose hues are counted
+_MAX_CENTERS = 60  # of these, tried as the middle of a hue
 _MAX_ON_THINGS = 0.4  # share of a piece on things that are higher than ropes
 
 
@@ -161,21 +166,55 @@ def search_mask(
     lab = _core.convert_to_lab(image)
     pieces = find_pieces(lab, None if table is None else table.near)
     if known is None:
-        choice = _choose_low(pieces, shape, table, ropes)
+        choice = _choose_low(pieces, lab, table, ropes)
         found = _make_mask(list(enumerate(choice.groups, 1)), shape, "", table, [choice], lab)
         return found, choice.pieces
     colors = _core.convert_to_lab(np.ascontiguousarray(known[None]))[:, 0].T.astype(np.float64)
-    choices = [find_known_ropes(lab, own, pieces, table, ropes) for own in colors]
+    # what was found without the colours is as good where it has them
+    plain = split_by_color(_choose_low(pieces, lab, table, ropes), lab, colors)
+    known_ropes = [find_known_ropes(lab, own, pieces, table, ropes) for own in colors]
+    choices = [max(pair, key=lambda choice: choice.length) for pair in zip(known_ropes, plain, strict=True)]
     groups = [(k, choice.pieces) for k, choice in enumerate(choices, 1) if choice.groups]
     return _make_mask(groups, shape, "", table, choices, lab), [piece for _, own in groups for piece in own]
 
 
+def _count_colors(lab: NDArray[np.float32], pieces: list[Piece]) -> int:
+    """Return the number of hues and chromas of pieces in a (3, H, W) image, that some of their pixels have."""
+    if not pieces:
+        return 0
+    own = [lab[1:, piece.slices[0], piece.slices[1]][:, piece.pixels] for piece in pieces]
+    left = np.concatenate(own, axis=1).T
+    left = left[:: max(len(left) // _MAX_SAMPLES, 1)]
+    least, count = _MIN_SHARE * len(left), 0
+    while len(left) > least:
+        # the pixel with most others around it
+        some = left[:: max(len(left) // _MAX_CENTERS, 1)]
+        away = np.linalg.norm(some[:, None] - left, axis=2) < _ONE_HUE
+        most = away[np.count_nonzero(away, axis=1).argmax()]
+        if np.count_nonzero(most) < least:
+            break
+        left = left[~most]
+        count += 1
+    return count
+
+
 def _choose_low(
-    pieces: list[Piece], shape: tuple[int, int], table: NearTable | None, ropes: int | None
+    pieces: list[Piece],
+    lab: NDArray[np.float32],
+    table: NearTable | None,
+    ropes: int | None,
 ) -> Choice:
     """Choose ropes among pieces that do not belong to things higher than ropes."""
+    shape = (lab.shape[1], lab.shape[2])
     choice = choose_ropes(pieces, shape, table, ropes)
     radius = None if table is None or not choice.groups else table.measure_radius(choice.pieces)
+    colors = _count_colors(lab, choice.pieces)
+    if colors > _MAX_HUES and ropes is None:
+        why = (
+            f"the background is patterned: strips have {colors} colours; give a mask, rope_color or the number "
+            "of ropes"
+        )
+        return replace(choice, groups=[], why=why)
     if table is None or radius is None:
         return choice
     things = table.find_things(radius, _find_half_width(choice.pieces))

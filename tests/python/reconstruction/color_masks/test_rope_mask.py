@@ -64,6 +64,33 @@ def test_labels_are_by_color_and_follow_the_known_colors():
     assert np.mean(labels[0][one.mask] == 1) > 0.8
 
 
+def test_a_known_color_finds_no_less_than_none():
+    paint = {"ropes": (((0.9, 0.85, 0.2), (0.1, 0.1, 0.6)),), "table": (0.4, 0.42, 0.4)}
+    _, color, exact = make_scene(**paint)
+    for known in ((230, 217, 51), (25, 25, 153)):
+        recall, precision = measure(strand.rope_mask(color, rope_color=known), exact)
+        assert recall > 0.8
+        assert precision > 0.9
+
+
+def test_ropes_keep_their_width_on_a_table_of_a_near_color_and_beside_dark_shadows():
+    for seed, table in ((2, (0.78, 0.62, 0.66)), (3, (0.75, 0.8, 0.85))):
+        paint = {"ropes": (((0.75, 0.35, 0.3),),), "table": table, "shadow": 0.65, "softness": 1.0}
+        _, color, exact = make_scene(seed=seed, **paint)
+        recall, precision = measure(strand.rope_mask(color), exact)
+        assert recall > 0.85
+        assert precision > 0.9
+
+
+def test_fingers_that_stand_higher_than_ropes_are_left_out():
+    scene = color_scene("gripper", 2)
+    depth = scene.scene.depth[0] * scene.scene.depth_scale
+    found = strand.rope_mask(scene.color[0], depth, scene.scene.intrinsics)
+    assert found
+    assert np.mean(scene.labels[0][found.mask] > 0) > 0.9
+    assert "high" in found.left_out
+
+
 def test_a_pattern_is_refused_with_advice_and_an_empty_table_has_no_rope():
     _, color, _ = make_scene(texture="checks")
     found = strand.rope_mask(color)
