@@ -36,6 +36,12 @@ _MIN_RELATIVE_LENGTH = 0.12  # of the best piece's length, both in half widths
 _MAX_WIDTH_RATIO = 0.8  # logarithm of half widths of ropes in one image
 _AGAIN = 0.3  # share of a piece that a better one has taken
 _MIN_PURE = 0.9  # share of pixels that differ from the background: such pieces go on beyond better ones
+_MIN_INNER_ASIDE = 0.2  # of the contrast: sides of strips within others differ more
+_MUCH_WIDER = 1.7  # half widths: strips that hold others are wider
+_MIN_LONG = 0.6  # of their length
+_MIN_HELD = 0.7  # share of their pixels
+_MIN_OUTER_PURE = 0.85  # share of its pixels that differ from the background
+_MIN_OUTER_EVEN = 0.75  # share of an outer strip's middle with its half width
 _MIN_REST = 8.0  # half widths of its rest
 _REST_WIDTH = 0.4  # logarithm of its half width over the best piece's
 _BESIDE = 1.5  # half widths around a rope, and two pixels, in which pieces belong to it
@@ -119,6 +125,7 @@ def choose_ropes(
             choice.left_out.append((reason, piece))
         else:
             good.append(piece)
+    good = _drop_inner(good, shape, choice)
     kept, taken = _keep_alike(good, shape, choice, known is not None)
     if not kept:
         choice.why = (
@@ -146,6 +153,29 @@ def choose_ropes(
         return choice
     choice.groups = groups
     return choice
+
+
+def _drop_inner(good: list[Piece], shape: tuple[int, int], choice: Choice) -> list[Piece]:
+    """Drop strips within wider ones, such as highlights on ropes."""
+    kept = []
+    for piece in good:
+        outer = [
+            other
+            for other in good
+            if piece.aside > max(_MIN_INNER_ASIDE, other.aside)
+            and other.half_width > _MUCH_WIDER * piece.half_width
+            and other.pure > _MIN_OUTER_PURE
+            and other.even > _MIN_OUTER_EVEN
+        ]
+        if sum(other.length for other in outer) > _MIN_LONG * piece.length:
+            mask: Mask = np.zeros(shape, dtype=bool)
+            for other in outer:
+                other.add_to(mask)
+            if piece.overlap(mask) > _MIN_HELD:
+                choice.left_out.append(("within a wider strip", piece))
+                continue
+        kept.append(piece)
+    return kept
 
 
 def _is_strip(piece: Piece, shape: tuple[int, int], known: bool) -> bool:

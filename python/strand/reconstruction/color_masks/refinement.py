@@ -23,7 +23,10 @@ _TWO_COLORS = 20.0  # Lab: means of a rope's pixels that differ more are two col
 _MIN_SECOND = 0.2  # share of a second colour
 _BACKGROUND = 0.35  # of the other colour's difference: a colour that differs less is the background's
 _MAX_BACKGROUND = 12.0  # Lab: a colour that differs more from the background is none of it
-_UNLIKE = 0.6  # of the contrast: pixels that differ more from a rope's colour are no part of it
+_FAR = 10.0  # half widths from a mask: pieces of a rope that something hides lie within, and two pixels on
+_SURE = 0.5  # of the difference from the background: such pieces differ less from the rope
+_MIN_PIECE = 3.0  # squared half widths of such a piece
+_UNLIKE = 0.5  # of the contrast: pixels that differ more from a rope's colour are no part of it
 _MIN_LIGHT = 0.55  # of the light, third root: in shadow
 _MAX_RESIDUAL = 8.0  # Lab: mixtures of rope and background differ less from what they are computed to be
 _WIDE = 1.7  # half widths, and a pixel: discs that are wider than crossing strands
@@ -68,10 +71,10 @@ def _refine(
 ) -> NDArray[np.int32]:
     """Return labels, given (H, W) rough ones and their numbers."""
     mask: Mask = rough > 0
-    reach = max(_NEAR, _AWAY) * half_width + 2.0
+    reach = max(_NEAR, _AWAY, _FAR) * half_width + 2.0
     away = _core.measure_edge_distances(np.asarray(~mask), int(reach) + 2)
     inner = _core.measure_edge_distances(mask, int(half_width) + 2) >= _INNER * half_width
-    near = away <= _NEAR * half_width + 2.0
+    near = away <= _FAR * half_width + 2.0
     rows, columns = np.nonzero(near)
     pixels = lab[:, rows, columns].T.astype(np.float64)
     ground = _average_around(lab, away > _AWAY * half_width + 2.0, rows, columns, _AROUND * half_width)
@@ -90,15 +93,20 @@ def _refine(
             closer = away_from < best
             best[closer], labels[closer] = away_from[closer], label
     found = np.zeros(rough.shape, dtype=np.int32)
-    found[rows, columns] = np.where(best < from_ground, labels, 0)
-    # highlights are brighter than the rope
+    # farther away, only what is surely rope counts: it may be hidden in between
+    farther = away[rows, columns] > _NEAR * half_width + 2.0
+    like = best < np.where(farther, np.minimum(_SURE * from_ground, _MAX_BACKGROUND), from_ground)
+    found[rows, columns] = np.where(like, labels, 0)
+    # highlights are brighter than the rope, and unlike the background
+    unlike = inner.copy()
+    unlike[rows, columns] |= from_ground > _MAX_BACKGROUND
     for label in numbers:
         own = rough == label
         if own.any():
-            bright = lab[0] > np.median(lab[0][own]) + _HIGHLIGHT
+            bright = unlike & (lab[0] > np.median(lab[0][own]) + _HIGHLIGHT)
             found[own & (found == 0) & bright] = label
     found[_find_wide(found > 0, half_width) & ~mask] = 0
-    return _clean(found, rough, half_width)
+    return _clean(found, rough, half_width, away > _NEAR * half_width + 2.0)
 
 
 def _find_wide(mask: Mask, half_width: float) -> Mask:
@@ -179,8 +187,10 @@ def _average_around(
     return np.asarray(total[:, :3] / np.maximum(total[:, 3:], 1e-9))
 
 
-def _clean(labels: NDArray[np.int32], rough: NDArray[np.int32], half_width: float) -> NDArray[np.int32]:
-    """Return labels without small holes and blobs."""
+def _clean(
+    labels: NDArray[np.int32], rough: NDArray[np.int32], half_width: float, farther: Mask
+) -> NDArray[np.int32]:
+    """Return labels without small holes and blobs; those farther away may be smaller."""
     square = half_width * half_width
     holes = _core.number_blobs(np.asarray(labels == 0))
     small = (np.bincount(holes.ravel())[holes] <= max(_MAX_HOLE * square, 1.0)) & (labels == 0)
@@ -189,7 +199,9 @@ def _clean(labels: NDArray[np.int32], rough: NDArray[np.int32], half_width: floa
     if half_width >= _MIN_SMOOTHED:
         labels = np.where(_count_around(labels > 0) >= 5, np.maximum(labels, _spread(labels)), 0)
     blobs = _core.number_blobs(np.asarray(labels > 0))
-    kept = np.bincount(blobs.ravel())[blobs] >= _MIN_BLOB * square
+    areas = np.bincount(blobs.ravel())
+    alone = np.bincount(blobs.ravel(), farther.ravel()) >= areas
+    kept = (areas >= np.where(alone, _MIN_PIECE, _MIN_BLOB) * square)[blobs]
     return np.where(kept, labels, 0).astype(np.int32)
 
 

@@ -179,7 +179,7 @@ def search_mask(
 
 
 def _count_colors(lab: NDArray[np.float32], pieces: list[Piece]) -> int:
-    """Return the number of hues and chromas of pieces in a (3, H, W) image, that some of their pixels have."""
+    """Return the number of hues and chromas that pieces in a (3, H, W) image have."""
     if not pieces:
         return 0
     own = [lab[1:, piece.slices[0], piece.slices[1]][:, piece.pixels] for piece in pieces]
@@ -211,8 +211,8 @@ def _choose_low(
     colors = _count_colors(lab, choice.pieces)
     if colors > _MAX_HUES and ropes is None:
         why = (
-            f"the background is patterned: strips have {colors} colours; give a mask, rope_color or the number "
-            "of ropes"
+            f"the background is patterned: strips have {colors} colours; give a mask, rope_color or the "
+            "number of ropes"
         )
         return replace(choice, groups=[], why=why)
     if table is None or radius is None:

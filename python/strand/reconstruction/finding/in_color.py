@@ -15,13 +15,12 @@ from strand.reconstruction.color_masks.rope_mask import search_mask
 from strand.reconstruction.images.table_plane import Plane
 from strand.views.depth_image import DepthImage
 
-_NARROW = 2.5  # pixels: masks of thinner ropes grow before they are traced
 _BLACK = -16.0  # Lab: light of black on lines of one hue
 _SAME_HUE = 5.0  # Lab: shades of one colour differ by less beside their light
 _BESIDE = 4  # pixels around a mask: heights are blurred that far
 _MISSED_SCATTERS = 4.0  # scatters of the table's heights: what is higher stands on it
 _MISSED_AREA = 20.0  # squared half widths of such pixels that may be another rope
-_GROWTH = 2.0  # pixels that they grow
+_MAX_RATIO = 2.5  # the mask's half width over that of its strips; and its inverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +30,9 @@ class ShownInColor:
     Attributes
     ----------
     mask : (H, W) ndarray of bool
-        Wider than the ropes where these are thin; empty if colour shows none.
+        Empty if colour shows none.
     radius : float
-        The ropes', metres, from the mask before it grew; NaN if there is none.
+        The ropes', metres; NaN if there is none.
     plane : Plane
         The table, world frame.
     scatter : float
@@ -70,10 +69,17 @@ def find_in_color(image: DepthImage | None) -> ShownInColor | None:
         empty = np.zeros_like(found.mask)
         return ShownInColor(empty, float("nan"), plane, table.scatter, why=found.why)
     mask = found.mask.copy()
-    if found.radius_px < _NARROW:
-        mask = np.asarray(_core.measure_edge_distances(~mask, math.ceil(_GROWTH) + 1) <= _GROWTH)
+    radius = _measure_radius(mask, found.radius, found.radius_px)
     missed = _may_miss(table, mask, found.radius, found.radius_px)
-    return ShownInColor(mask, found.radius, plane, table.scatter, _are_shaded(pieces), missed)
+    return ShownInColor(mask, radius, plane, table.scatter, _are_shaded(pieces), missed)
+
+
+def _measure_radius(mask: NDArray[np.bool_], radius: float, radius_px: float) -> float:
+    """Return the ropes' radius, metres, from their width in a mask, given that of the strips."""
+    own = _core.estimate_mask_radius(mask)
+    if own is None or not 1.0 / _MAX_RATIO < own / radius_px < _MAX_RATIO:
+        return radius
+    return radius * own / radius_px
 
 
 def _are_shaded(pieces: list[Piece]) -> bool:
