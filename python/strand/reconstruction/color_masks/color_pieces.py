@@ -80,7 +80,9 @@ class Piece:
     @property
     def score(self) -> float:
         """How much of a rope it seems."""
-        shown = min(self.contrast, _MAX_CONTRAST) * self.pure * self.pure
+        # strips within ropes, such as highlights, have sides that differ
+        likeness = max(1.0 - self.aside, 0.0)
+        shown = min(self.contrast, _MAX_CONTRAST) * self.pure**2 * likeness**2
         return self.half_widths * shown * self.even * min(self.response, _MAX_RESPONSE)
 
     @property

@@ -25,7 +25,7 @@ _BACKGROUND = 0.35  # of the other colour's difference: a colour that differs le
 _MAX_BACKGROUND = 12.0  # Lab: a colour that differs more from the background is none of it
 _FAR = 10.0  # half widths from a mask: pieces of a rope that something hides lie within, and two pixels on
 _SURE = 0.5  # of the difference from the background: such pieces differ less from the rope
-_MIN_PIECE = 3.0  # squared half widths of such a piece
+_MIN_PIECE = 1.5  # squared half widths of such a piece
 _UNLIKE = 0.5  # of the contrast: pixels that differ more from a rope's colour are no part of it
 _MIN_LIGHT = 0.55  # of the light, third root: in shadow
 _MAX_RESIDUAL = 8.0  # Lab: mixtures of rope and background differ less from what they are computed to be
@@ -34,6 +34,8 @@ _ROPE_SHADE = (0.85, 1.12)  # a rope's light, third root, over its mean
 _TABLE_SHADE = (0.72, 1.05)  # the table's light in shadows, third root
 _BLACK = -16.0  # Lab: light of black on lines of one hue
 _HIGHLIGHT = 8.0  # Lab: highlights are brighter than the rope by this
+_THIN = 3.0  # pixels: half width of ropes whose edge pixels count by their share of rope
+_EDGE = 0.45  # the least share
 _MIN_SMOOTHED = 3.0  # pixels: half width of ropes whose edge is smoothed
 _MAX_HOLE = 0.7  # squared half widths: smaller holes are highlights
 _MIN_BLOB = 12.0  # squared half widths: smaller blobs are no rope
@@ -80,7 +82,7 @@ def _refine(
     ground = _average_around(lab, away > _AWAY * half_width + 2.0, rows, columns, _AROUND * half_width)
     from_ground = _measure_from_line(pixels, ground, _TABLE_SHADE)
     usual = np.median(ground, axis=0)
-    best = np.full(len(rows), np.inf)
+    best, share = np.full(len(rows), np.inf), np.zeros(len(rows))
     labels = np.zeros(len(rows), dtype=np.int32)
     for label in numbers:
         own = lab[:, inner & (rough == label)].T.astype(np.float64)
@@ -90,12 +92,18 @@ def _refine(
             away_from = _measure_from_line(pixels, color[None], _ROPE_SHADE)
             # what is like neither belongs to something else
             away_from[away_from > _UNLIKE * np.linalg.norm(color - ground, axis=1) + _MAX_BACKGROUND] = np.inf
-            closer = away_from < best
+            if half_width < _THIN:
+                full = color - ground
+                part = ((pixels - ground) * full).sum(axis=1) / np.maximum((full * full).sum(axis=1), 1e-9)
+                share = np.maximum(share, part)
+            closer = away_from <= best
             best[closer], labels[closer] = away_from[closer], label
     found = np.zeros(rough.shape, dtype=np.int32)
     # farther away, only what is surely rope counts: it may be hidden in between
     farther = away[rows, columns] > _NEAR * half_width + 2.0
     like = best < np.where(farther, np.minimum(_SURE * from_ground, _MAX_BACKGROUND), from_ground)
+    if half_width < _THIN:
+        like |= (rough[rows, columns] > 0) & (share > _EDGE)
     found[rows, columns] = np.where(like, labels, 0)
     # highlights are brighter than the rope, and unlike the background
     unlike = inner.copy()
