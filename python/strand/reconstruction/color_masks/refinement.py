@@ -28,6 +28,7 @@ _SURE = 0.5  # of the difference from the background: such pieces differ less fr
 _MIN_PIECE = 1.5  # squared half widths of such a piece
 _UNLIKE = 0.5  # of the contrast: pixels that differ more from a rope's colour are no part of it
 _MIN_LIGHT = 0.55  # of the light, third root: in shadow
+_MAX_LIGHT = 1.1  # the same, in full light
 _MAX_RESIDUAL = 8.0  # Lab: mixtures of rope and background differ less from what they are computed to be
 _WIDE = 1.7  # half widths, and a pixel: discs that are wider than crossing strands
 _ROPE_SHADE = (0.85, 1.12)  # a rope's light, third root, over its mean
@@ -37,6 +38,8 @@ _HIGHLIGHT = 8.0  # Lab: highlights are brighter than the rope by this
 _THIN = 3.0  # pixels: half width of ropes whose edge pixels count by their share of rope
 _EDGE = 0.45  # the least share
 _MIN_SMOOTHED = 3.0  # pixels: half width of ropes whose edge is smoothed
+_CLOSED = 0.6  # half widths: slits in a rope are at most twice as wide
+_SLIT = 6.0  # Lab: pixels in slits differ more from the background
 _MAX_HOLE = 0.7  # squared half widths: smaller holes are highlights
 _MIN_BLOB = 12.0  # squared half widths: smaller blobs are no rope
 
@@ -113,8 +116,19 @@ def _refine(
         if own.any():
             bright = unlike & (lab[0] > np.median(lab[0][own]) + _HIGHLIGHT)
             found[own & (found == 0) & bright] = label
+    # so are slits between parts of a rope
+    unlike[rows, columns] = from_ground > _SLIT
+    slits = _close(found > 0, max(_CLOSED * half_width, 1.0)) & (found == 0) & unlike & mask
+    found[slits] = rough[slits]
     found[_find_wide(found > 0, half_width) & ~mask] = 0
     return _clean(found, rough, half_width, away > _NEAR * half_width + 2.0)
+
+
+def _close(mask: Mask, reach: float) -> Mask:
+    """Return a mask grown by some pixels and shrunk again."""
+    most = int(reach) + 2
+    grown = np.asarray(_core.measure_edge_distances(~mask, most) <= reach)
+    return np.asarray(_core.measure_edge_distances(grown, most) > reach)
 
 
 def _find_wide(mask: Mask, half_width: float) -> Mask:
@@ -158,7 +172,8 @@ def _is_mixed(color: Array, rope: Array, ground: Array) -> bool:
     parts = np.column_stack([rope - black, ground - black])
     shares, _, rank, _ = np.linalg.lstsq(parts, color - black, rcond=None)
     residual = float(np.linalg.norm(parts @ shares - (color - black)))
-    return bool(rank == 2 and shares.min() > 0.0 and shares.sum() > _MIN_LIGHT and residual < _MAX_RESIDUAL)
+    lit = _MIN_LIGHT < shares.sum() < _MAX_LIGHT
+    return bool(rank == 2 and shares.min() > 0.0 and lit and residual < _MAX_RESIDUAL)
 
 
 def _measure_from_line(pixels: Array, colors: Array, shade: tuple[float, float]) -> Array:

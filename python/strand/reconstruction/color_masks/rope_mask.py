@@ -19,6 +19,7 @@ from strand.views.pinhole import Pinhole
 _MIN_SIDE = 32  # pixels: no rope is sought in smaller images
 _MAX_COLORS = 8  # colours that are sought at once
 _MAX_HUES = 6  # hues and chromas of ropes; more are a pattern
+_MAX_LENGTH = 3.5  # diagonals of the image: ropes are no longer in all
 _ONE_HUE = 18.0  # Lab: differences of one hue and chroma, of a and b
 _MIN_SHARE = 0.03  # of the pixels: hues that fewer have do not count
 _MAX_SAMPLES = 1500  # pixels whose hues are counted
@@ -213,6 +214,12 @@ def _choose_low(
         why = (
             f"the background is patterned: strips have {colors} colours; give a mask, rope_color or the "
             "number of ropes"
+        )
+        return replace(choice, groups=[], why=why)
+    if ropes is None and choice.length > _MAX_LENGTH * np.hypot(*shape):
+        why = (
+            "the background is patterned: strips run all over it; give a mask, rope_color or the number of "
+            "ropes"
         )
         return replace(choice, groups=[], why=why)
     if table is None or radius is None:

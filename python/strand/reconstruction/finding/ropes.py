@@ -24,6 +24,8 @@ from strand.views.view import View, masked
 
 _BESIDE = 4  # pixels around a mask of colour: heights are blurred that far
 _RESOLVED = 0.5  # radii: where the table's depths scatter less, height shows ropes
+_MAX_SPECKS = 20  # pieces; with more, and without a long one, depth shows specks rather than ropes
+_MIN_SHARE = 0.3  # of the length of all pieces: a long one has more
 _MIN_MISSED = 20.0  # radii: colour misses a rope if a longer strip stands on the table without it
 _MIN_LENGTH = 14.0  # radii: some view shows a strip of a rope that is longer
 
@@ -124,9 +126,15 @@ def segment_in_all(extract: Extract, radii: Array | None) -> FoundRopes:
         return segment_views(extract, radii)
     scatter = max(one.scatter for one in shown)
     if not any(one.mask.any() for one in shown):
-        by_height = segment_views(extract, radii)
-        if by_height.radius is not None and not _is_resolved(scatter, by_height.radius, radii):
-            reasons = "; ".join(dict.fromkeys(one.why for one in shown))
+        reasons = "; ".join(dict.fromkeys(one.why for one in shown))
+        try:
+            by_height = segment_views(extract, radii)
+        except NoRopeError as error:
+            raise NoRopeError(f"{error}; colours show none either: {reasons}", error.low_things) from None
+        unclear = by_height.radius is not None and (
+            not _is_resolved(scatter, by_height.radius, radii) or _shows_specks(by_height)
+        )
+        if unclear:
             raise NoRopeError(f"views: depth resolves no rope on the table, and colours show none: {reasons}")
         return by_height
     by_color = _take_colors(extract, shown, radii)
@@ -159,6 +167,17 @@ def segment_by_color(extract: Extract, radii: Array | None) -> FoundRopes | None
     if shown is None or not any(one.mask.any() for one in shown):
         return None
     return _take_colors(extract, shown, radii)
+
+
+def _shows_specks(found: FoundRopes) -> bool:
+    """Tell whether what stands on the table is many pieces, the longest of which is a small share of all."""
+    for view in found.views:
+        if view.image is not None and view.mask is not None and found.radius is not None:
+            lengths = measure_strip_lengths(view.image)
+            specks = lengths[1:][lengths[1:] > 0.0]
+            if len(specks) > _MAX_SPECKS and specks.max() < _MIN_SHARE * specks.sum():
+                return True
+    return False
 
 
 def _is_resolved(scatter: float, radius: float, radii: Array | None) -> bool:

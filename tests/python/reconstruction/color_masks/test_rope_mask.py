@@ -102,6 +102,11 @@ def test_a_pattern_is_refused_with_advice_and_an_empty_table_has_no_rope():
     assert "nothing" in strand.rope_mask(empty).why
 
 
+def test_reconstruct_refuses_a_pattern_that_depth_does_not_resolve():
+    with pytest.raises(strand.NoRopeError, match="patterned"):
+        strand.reconstruct(color_scene("patterned", 2).views)
+
+
 def test_depth_gives_the_radius_and_the_scatter():
     scene, color, _ = make_scene()
     found = strand.rope_mask(color, scene.depth[0] * scene.depth_scale, scene.intrinsics)
