@@ -74,9 +74,9 @@ def load_models(out: str | os.PathLike[str]) -> Iterator[tuple[str, int, Model]]
     recording : str
     frame : int
     model : Model
-        It has the table's contents: chains with covariances and confidences, the model's confidence, `up`,
-        `table` and warnings. It has no poses, curves, doubts, joins and alternatives. A warning names the
-        chains in whose rows it stands, and has no place, amount or view.
+        It has the table's contents: chains with covariances, confidences, labels, colours and hidden ends,
+        the model's confidence, `up`, `table` and warnings. It has no poses, curves, doubts, joins and
+        alternatives. A warning names the chains in whose rows it stands, and has no place, amount or view.
 
     Raises
     ------
@@ -197,4 +197,7 @@ def _make_chain(row: dict[str, Any]) -> Chain:
         row["closed"],
         covariance=None if covariance is None else np.array(covariance).reshape(-1, 3, 3),
         confidence=float("nan") if row["confidence"] is None else row["confidence"],
+        label=row["label"],
+        color=None if row["color"] is None else np.array(row["color"]),
+        hidden_ends=tuple(row["hidden_ends"]),
     )

@@ -98,6 +98,9 @@ def _convert_model(model: Model) -> dict[str, object]:
             "radius": chain.radius,
             "nodes": len(chain.points),
             "closed": chain.closed,
+            "hidden_ends": list(chain.hidden_ends),
+            "label": chain.label,
+            "color": convert_to_json(chain.color),
             "confidence": convert_to_json(chain.confidence),
             "doubts": [doubt.kind for doubt in chain.doubts],
         }

@@ -166,8 +166,10 @@ def _parse_chain(data: dict[str, Any]) -> Chain:
     if curve is not None:
         curve = Curve(np.asarray(curve["control"], dtype=np.float64), curve["start"], curve["stop"])
     doubts = tuple(Doubt(**doubt) for doubt in data["doubts"])
+    # older files have none
+    color = data.get("color")
     sure = _parse_confidence(data["confidence"])
-    return Chain(**{**data, **arrays, "curve": curve, "doubts": doubts, "confidence": sure})
+    return Chain(**{**data, **arrays, "curve": curve, "doubts": doubts, "confidence": sure, "color": color})
 
 
 def _parse_confidence(value: Any) -> float:

@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from strand.reconstruction.appearance import find_color, find_label
 from strand.reconstruction.evidence.confidence import assign_doubts, compute_confidence, find_contradictions
+from strand.reconstruction.evidence.hidden_ends import doubt_hidden_ends, drop_explained, find_hidden_ends
 from strand.reconstruction.finding.ends_at_things import doubt_ends_at_things
 from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
 from strand.reconstruction.observing import Hints, Scene
@@ -18,6 +20,8 @@ from strand.reconstruction.upwards import find_up
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.ropes.model import Model
+from strand.support.checks import Array
+from strand.views.view import View
 
 _HASTE_DOUBT = 0.3  # doubt of an answer for which the deadline made strand skip something
 
@@ -44,11 +48,14 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
     if scene.tables:
         against += doubt_ends_at_edge(chains, scene.extract.whole, scene.tables)
         against += doubt_ends_at_things(chains, scene.extract.whole)
+    chains = _describe_chains(chains, scene.extract.whole, list(poses))
+    against += doubt_hidden_ends(chains)
+    run.warnings[:] = drop_explained(run.warnings, chains)
     for doubt, about in [*against, *((doubt, ()) for doubt in upwards.doubts)]:
         run.warn(doubt.kind, doubt.reason, doubt.place, doubt.amount, about)
     doubts = sorted(
         [
-            *(found.doubts or ()),
+            *drop_explained(found.doubts or (), chains),
             *(doubt for doubt, _ in against),
             *scene.mask_doubts,
             *upwards.doubts,
@@ -73,6 +80,20 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
         up=upwards.up,
         table=upwards.table,
     )
+
+
+def _describe_chains(chains: Sequence[Chain], views: Sequence[View], poses: Sequence[Array]) -> list[Chain]:
+    """Return chains with their labels, colours and hidden ends, as views with these poses show them."""
+    hidden = find_hidden_ends(chains, views, poses)
+    return [
+        replace(
+            chain,
+            label=find_label(chain, views, poses),
+            color=find_color(chain, views, poses),
+            hidden_ends=ends,
+        )
+        for chain, ends in zip(chains, hidden, strict=True)
+    ]
 
 
 def _doubt_haste(run: Run) -> list[Doubt]:

@@ -21,7 +21,7 @@ from strand.report.drawing import pick_spread
 from strand.report.drawn_chains import compute_deviations
 from strand.report.overlay import MAX_CHAINS, draw_overlay
 from strand.report.space_figure import make_space_figure
-from strand.report.tables import count_stages
+from strand.report.tables import count_stages, describe_ends
 from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
 from strand.support.checks import Array, check_finite_array
@@ -175,7 +175,7 @@ def _tabulate_chains(model: Model) -> str:
                 f"{chain.length * 1e3:.1f}",
                 f"{chain.radius * 1e3:.2f}" + (f" ± {chain.radius_sd * 1e3:.2f}" if chain.radius_sd else ""),
                 f"{len(chain.points)}",
-                "closed" if chain.closed else "open",
+                describe_ends(chain),
                 "" if np.isnan(chain.confidence) else f"{chain.confidence:.2f}",
                 _format_millimeters(chain.points[0]),
                 _format_millimeters(chain.points[-1]),

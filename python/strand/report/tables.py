@@ -194,13 +194,25 @@ def describe_chains(model: Model) -> str:
             f"{chain.length * 1e3:.1f}",
             f"{len(chain.points)}",
             f"{chain.radius * 1e3:.2f}",
-            "closed" if chain.closed else "open",
+            describe_ends(chain),
             *((f"{chain.confidence:.2f}", _list_kinds(chain)) if sure else ()),
         )
         for i, chain in enumerate(model.chains)
     ]
     more = ("confidence", "doubts") if sure else ()
     return _format_table([("chain", "length / mm", "nodes", "radius / mm", "ends", *more), *rows], (0, 6))
+
+
+def describe_ends(chain: Chain) -> str:
+    """Say whether a chain is open or closed, and which ends an occluder hides."""
+    if chain.closed:
+        return "closed"
+    return {
+        (False, False): "open",
+        (True, False): "first hidden",
+        (False, True): "last hidden",
+        (True, True): "both hidden",
+    }[chain.hidden_ends]
 
 
 def describe_crossings(model: Model) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +16,20 @@ from strand.ropes.knots import Knot, name_knot
 from strand.ropes.notebook import make_html
 from strand.ropes.seen_side import USUAL_UP, check_up
 from strand.ropes.shape import ShapeError, compare_shapes
-from strand.support.checks import Array, check_finite_array, check_fraction_or_nan, check_instances
+from strand.support.checks import (
+    Array,
+    check_bool,
+    check_colors,
+    check_finite_array,
+    check_fraction_or_nan,
+    check_instances,
+    check_integer,
+    check_sequence,
+    freeze_array,
+)
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,6 +61,12 @@ class Chain(Line):
     up : (3,) array_like of float
         The default direction of `crossings`, `knot` and `diagram`, world frame, of any length but zero: z
         unless given. The chains of a model have the model's `up`.
+    label : int, optional
+        The label that the rope has in the views' masks, given or found by colour. None without labels.
+    color : (3,) array_like of float, optional
+        The rope's median colour in the views: red, green and blue from 0 to 1. None without colours.
+    hidden_ends : (bool, bool)
+        Whether an occluder of a view, such as a gripper, hides where the rope begins and where it ends.
 
     Raises
     ------
@@ -75,12 +95,29 @@ class Chain(Line):
     confidence: float = float("nan")
     doubts: tuple[Doubt, ...] = ()
     up: Array = field(default_factory=lambda: USUAL_UP)
+    label: int | None = None
+    color: Array | None = None
+    hidden_ends: tuple[bool, bool] = (False, False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "confidence", check_fraction_or_nan("confidence", self.confidence))
         object.__setattr__(self, "doubts", check_instances("doubts", self.doubts, Doubt))
         object.__setattr__(self, "up", check_up("up", self.up))
+        if self.label is not None:
+            object.__setattr__(self, "label", check_integer("label", self.label))
+        if self.color is not None:
+            (color,) = check_colors("color", np.asarray(self.color)[None], (1, 3))
+            object.__setattr__(self, "color", freeze_array(color))
+        ends = check_sequence("hidden_ends", self.hidden_ends, "two bools")
+        if len(ends) != 2:
+            raise ValueError(f"hidden_ends: expected two bools, got {len(ends)}")
+        hidden = tuple(check_bool("hidden_ends", one) for one in ends)
+        object.__setattr__(self, "hidden_ends", hidden)
+
+    def reversed(self) -> Self:
+        """Return the same rope with its nodes in the other order."""
+        return replace(super().reversed(), hidden_ends=self.hidden_ends[::-1])
 
     def _repr_html_(self) -> str:
         """Return HTML for notebooks: a small plot of the chain, and its numbers."""

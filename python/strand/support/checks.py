@@ -261,6 +261,16 @@ def check_mask(name: str, value: ArrayLike, shape: tuple[int, int]) -> NDArray[n
     return np.array(array, dtype=np.int32, order="C")
 
 
+def check_occluders(name: str, value: ArrayLike, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Return a new array of bools in the image's shape: the pixels of the robot or of a hand."""
+    array = to_array(name, value)
+    if array.dtype != np.bool_:
+        raise TypeError(f"{name}: expected bools (True: the robot or a hand), got dtype {array.dtype}")
+    if array.shape != shape:
+        raise ValueError(f"{name}: expected the depth image's shape {shape}, got {array.shape}")
+    return np.array(array, order="C")
+
+
 def check_rigid_motion(name: str, value: ArrayLike) -> Array:
     """Return `value` as a (4, 4) rigid motion; refuse rotations that scale, shear or mirror."""
     pose = check_small_array(name, value, (4, 4))

@@ -63,11 +63,14 @@ class ColorScene:
     color : (V, H, W, 3) ndarray of uint8
     labels : (V, H, W) ndarray of int32
         The exact mask: 0 for no rope, otherwise one more than the rope's number in `scene.truth`.
+    occluders : (V, H, W) ndarray of bool
+        The pixels of a hand or a gripper, as `View.from_depth` takes them. `views` does not have them.
     """
 
     scene: SyntheticScene
     color: NDArray[np.uint8]
     labels: NDArray[np.int32]
+    occluders: NDArray[np.bool_]
 
     @property
     def views(self) -> tuple[View, ...]:
@@ -129,10 +132,13 @@ def color_scene(kind: str = "plain", seed: int = 0, *, rope: bool = True) -> Col
     things = _draw_things(rng, kind, ropes, radius, pose)
     shown = ropes if rope else ()
     exact = render_depth(shown, radius, _CAMERA.intrinsics, pose, _CAMERA.size, side)
+    occluders = np.zeros(exact.shape, dtype=bool)
     for thing in things:
         # the fine grid's first pixel of each square; the difference is below the noise
         depth = thing.depth[::2, ::2]
-        exact = np.where((depth > 0) & ((depth < exact) | (exact == 0)), depth, exact)
+        before = (depth > 0) & ((depth < exact) | (exact == 0))
+        exact = np.where(before, depth, exact)
+        occluders |= before
     device = _DEVICES[int(rng.integers(len(_DEVICES)))]
     image = device.sense(exact, _CAMERA.intrinsics, depth_scale=_CAMERA.depth_scale, rng=rng)
     texture = draw_texture(paint.texture, np.asarray(paint.table), rng)
@@ -153,7 +159,7 @@ def color_scene(kind: str = "plain", seed: int = 0, *, rope: bool = True) -> Col
         truth=tuple(shown),
         noise=float(1.4826 * np.median(errors)) if len(errors) else 0.0,
     )
-    return ColorScene(made, color[None], labels[None])
+    return ColorScene(made, color[None], labels[None], occluders[None])
 
 
 def _shows_all(ropes: tuple[Array, ...], pose: Array) -> bool:

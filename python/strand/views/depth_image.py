@@ -1,4 +1,4 @@
-"""A depth image: a camera's depths, its pinhole, its pose, and the pixels of ropes."""
+"""A depth image: a camera's depths, its pinhole, its pose, and the pixels of ropes and of occluders."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from strand.support.checks import Array
 from strand.support.lazy import lazy_property
 from strand.views.pinhole import Pinhole, Pixels
 from strand.views.pose import moved
+
+_NEAREST = 1e-3  # metres from the camera: occluders count as this near, so that they hide all behind
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +30,8 @@ class DepthImage:
         Where the ropes are: 0 is no rope, every other number a rope or a piece of one. None: anywhere.
     colors : (H, W, 3) ndarray of uint8, or None
         The colour of each pixel, with or without depth.
+    occluders : (H, W) ndarray of bool, or None
+        Pixels of the robot or a hand: no rope, without depth, and not seen through. None: no pixel.
     """
 
     depth: Array
@@ -35,23 +39,31 @@ class DepthImage:
     pose: Array
     labels: NDArray[np.int32] | NDArray[np.bool_] | None = None
     colors: NDArray[np.uint8] | None = None
+    occluders: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
-        for array in (self.depth, self.labels, self.colors):
+        for array in (self.depth, self.labels, self.colors, self.occluders):
             if array is not None:
                 array.setflags(write=False)
 
     @property
     def mask(self) -> NDArray[np.bool_]:
-        """(H, W) The ropes' pixels: those that have a label, all if there are no labels."""
+        """(H, W) The ropes' pixels: those that have a label, all if there are no labels; never occluders."""
         if self.labels is None:
-            return np.ones(self.depth.shape, dtype=np.bool_)
-        return self.labels.astype(np.bool_, copy=False)
+            everywhere = np.ones(self.depth.shape, dtype=np.bool_)
+            return everywhere if self.occluders is None else ~self.occluders
+        mask = self.labels.astype(np.bool_, copy=False)
+        return mask if self.occluders is None else mask & ~self.occluders
 
     @property
     def rope_depth(self) -> Array:
         """(H, W) The depths of the ropes' pixels, metres; 0 elsewhere."""
         return self.depth if self.labels is None else np.where(self.mask, self.depth, 0.0)
+
+    @property
+    def blocked_depth(self) -> Array:
+        """(H, W) The depths with occluders right before the camera, metres: what they hide is not free."""
+        return self.depth if self.occluders is None else np.where(self.occluders, _NEAREST, self.depth)
 
     @lazy_property
     def distance(self) -> float:
@@ -71,8 +83,9 @@ class DepthImage:
     def cropped(self, window: tuple[slice, slice]) -> DepthImage:
         """Return the image of some rows and columns."""
         labels = None if self.labels is None else self.labels[window].copy()
+        occluders = None if self.occluders is None else self.occluders[window].copy()
         camera = self.camera.magnified(1, (float(window[1].start), float(window[0].start)))
-        return DepthImage(self.depth[window].copy(), camera, self.pose, labels)
+        return DepthImage(self.depth[window].copy(), camera, self.pose, labels, None, occluders)
 
     def project(self, points: Array) -> Array:
         """Return the (N, 2) columns and rows of points (N, 3) of the world, pixels."""

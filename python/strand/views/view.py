@@ -17,6 +17,7 @@ from strand.support.checks import (
     check_integer,
     check_intrinsics,
     check_mask,
+    check_occluders,
     check_positive,
     check_rigid_motion,
     check_sequence,
@@ -100,6 +101,7 @@ class View:
         *,
         depth_scale: float | None = None,
         mask: ArrayLike | None = None,
+        occluders: ArrayLike | None = None,
     ) -> View:
         """Return a view of a depth image: x = (u - cx) z / fx, y = (v - cy) z / fy.
 
@@ -123,6 +125,10 @@ class View:
             The ropes' pixels: True, or labels, where 0 is no rope and every other number is a rope or a piece
             of one. Pixels inside need no depth. The view's points are those inside the mask; depths outside
             still show which space is free.
+        occluders : (H, W) array_like of bool, optional
+            The pixels of the robot or of a hand, for instance from the robot's own model. They are no rope,
+            whatever `mask` says, and their depths are dropped. What lies behind them is hidden, not free: a
+            rope may go on there, and where it ends there, `Chain.hidden_ends` says so.
 
         Returns
         -------
@@ -147,12 +153,20 @@ class View:
         # farther points are not finite
         farthest = 0.5 * np.finfo(float).max / aside * min(fx, fy, 1.0)
         copied, dropped = _core.copy_depth(image, farthest)
-        labels = None if mask is None else check_mask("mask", mask, (height, width))
+        labels: NDArray[np.int32] | NDArray[np.bool_] | None = None
+        if mask is not None:
+            labels = check_mask("mask", mask, (height, width))
+            # bools are no labels
+            labels = labels.astype(np.bool_) if np.asarray(mask).dtype == np.bool_ else labels
+        hiding = None
+        if occluders is not None:
+            hiding = check_occluders("occluders", occluders, (height, width))
+            copied = np.where(hiding, 0.0, copied)
         seen, pixels = None, None
         if colors is not None:
             everywhere = check_colors("colors", colors, (height, width, 3))
             pixels = np.rint(255.0 * everywhere).astype(np.uint8)
-        taken = DepthImage(copied, camera, _check_pose(pose), labels, pixels)
+        taken = DepthImage(copied, camera, _check_pose(pose), labels, pixels, hiding)
         if colors is not None:
             seen = everywhere[taken.rope_depth > 0]
         return cls._build(None, taken, taken.pose, dropped, seen)
@@ -238,10 +252,12 @@ class View:
     def measured(self) -> Array | DepthImage:
         """All that the camera measured, outside the mask too: points or the depth image.
 
-        It is the image if there is a mask, or while its points have not been needed.
+        It is the image if there is a mask or an occluder, or while its points have not been needed.
         """
         image = self._image
-        if image is not None and (self._points is None or image.labels is not None):
+        if image is None:
+            return self.points
+        if self._points is None or image.labels is not None or image.occluders is not None:
             return image
         return self.points
 
@@ -260,7 +276,8 @@ class View:
         if isinstance(self.measured, DepthImage):
             height, width = self.measured.depth.shape
             masked = "" if self.measured.labels is None else ", masked"
-            return f"View(depth image of {width} x {height} pixels{masked}, camera at {where} m)"
+            occluded = "" if self.measured.occluders is None else ", with occluders"
+            return f"View(depth image of {width} x {height} pixels{masked}{occluded}, camera at {where} m)"
         return f"View({len(self.points)} points, camera at {where} m)"
 
     def select(self, chosen: NDArray[np.bool_]) -> View:

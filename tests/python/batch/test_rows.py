@@ -21,8 +21,8 @@ from strand.ropes.crossings import list_crossings
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)
 COLUMNS = (
     *("recording", "frame", "time", "rope", "nodes", "arc_length", "covariance", "radius", "closed"),
-    *("confidence", "model_confidence", "up", "table", "warnings", "crossings", "version", "configuration"),
-    *("seconds", "error"),
+    *("confidence", "label", "color", "hidden_ends", "model_confidence", "up", "table", "warnings"),
+    *("crossings", "version", "configuration", "seconds", "error"),
 )
 
 
@@ -66,6 +66,7 @@ def test_rows_hold_the_model_bit_for_bit(knot):
             chain.closed,
             chain.confidence,
         )
+        assert (row["label"], row["color"], row["hidden_ends"]) == (None, None, [False, False])
         assert row["model_confidence"] == model.confidence
         assert row["up"] == model.up.tolist()
         assert row["table"] == [*model.table.normal, model.table.offset]

@@ -49,6 +49,21 @@ def test_any_chain_survives_its_file_bit_for_bit(tmp_path_factory, nodes, closed
     assert (loaded.method, loaded.branch) == ("default", "tubes")
 
 
+def test_labels_colours_and_hidden_ends_survive_and_older_files_have_none(tmp_path):
+    path, nodes = tmp_path / "model.json", [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]
+    chain = Chain(np.array(nodes), 0.004, label=3, color=[1.0, 1.0 / 3.0, 0.0], hidden_ends=(True, False))
+    Model((chain,), np.eye(4)[None]).save(path)
+    (loaded,) = strand.load_model(path).chains
+    assert (loaded.label, loaded.hidden_ends) == (3, (True, False))
+    np.testing.assert_array_equal(loaded.color, chain.color)
+    data = json.loads(path.read_text())
+    for name in ("label", "color", "hidden_ends"):
+        del data["chains"][0][name]
+    path.write_text(json.dumps(data))
+    (older,) = strand.load_model(path).chains
+    assert (older.label, older.color, older.hidden_ends) == (None, None, (False, False))
+
+
 def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path):
     path = tmp_path / "model.json"
     model = Model((draw_circle(0.05, 10, True),), np.eye(4)[None])

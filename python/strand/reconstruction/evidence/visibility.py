@@ -28,6 +28,9 @@ def sort_rays(views: Sequence[View], poses: Sequence[Array], about: Sequence[Vie
 
 
 def _collect_rays(view: View) -> Array | tuple[Array, tuple[float, float], tuple[float, float]]:
-    """Return where a view's rays end: its points, or its depth image with its pinhole."""
+    """Return where a view's rays end: its points, or its depth image with its pinhole.
+
+    Those to occluders end right before the camera, so that nothing behind these is free.
+    """
     measured = view.measured
-    return (measured.depth, *measured.camera) if isinstance(measured, DepthImage) else measured
+    return (measured.blocked_depth, *measured.camera) if isinstance(measured, DepthImage) else measured

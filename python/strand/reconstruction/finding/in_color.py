@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from strand.reconstruction.color_masks.color_pieces import Piece
 from strand.reconstruction.color_masks.near_table import NearTable, find_near_table
 from strand.reconstruction.color_masks.rope_mask import search_mask
 from strand.reconstruction.images.table_plane import Plane
+from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 
 _BLACK = -16.0  # Lab: light of black on lines of one hue
@@ -21,6 +23,7 @@ _BESIDE = 4  # pixels around a mask: heights are blurred that far
 _MISSED_SCATTERS = 4.0  # scatters of the table's heights: what is higher stands on it
 _MISSED_AREA = 20.0  # squared half widths of such pixels that may be another rope
 _MAX_RATIO = 2.5  # the mask's half width over that of its strips; and its inverse
+_SAME_COLOR = 30.0  # Lab: colours of one rope in two views differ less
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +32,8 @@ class ShownInColor:
 
     Attributes
     ----------
-    mask : (H, W) ndarray of bool
-        Empty if colour shows none.
+    labels : (H, W) ndarray of int32
+        The ropes' colours, as in `RopeMask`; all 0 if colour shows none.
     radius : float
         The ropes', metres; NaN if there is none.
     plane : Plane
@@ -45,13 +48,18 @@ class ShownInColor:
         Why colour shows none.
     """
 
-    mask: NDArray[np.bool_]
+    labels: NDArray[np.int32]
     radius: float
     plane: Plane
     scatter: float
     shaded: bool = False
     missed: bool = False
     why: str = ""
+
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """(H, W) The pixels that have a label."""
+        return self.labels > 0
 
 
 def find_in_color(image: DepthImage | None) -> ShownInColor | None:
@@ -61,17 +69,23 @@ def find_in_color(image: DepthImage | None) -> ShownInColor | None:
     table = find_near_table(image.depth, image.camera)
     if table is None or not math.isfinite(table.scatter):
         return None
+    hiding = image.occluders
+    if hiding is not None:
+        table = replace(table, near=table.near & ~hiding)
     found, pieces = search_mask(image.colors, table, None, None)
     rotation, camera = image.pose[:3, :3], image.pose[:3, 3]
     normal = rotation @ table.plane.normal
     plane = Plane(normal, table.plane.offset + float(normal @ camera))
     if not found or found.radius is None:
-        empty = np.zeros_like(found.mask)
+        empty = np.zeros_like(found.labels)
         return ShownInColor(empty, float("nan"), plane, table.scatter, why=found.why)
-    mask = found.mask.copy()
+    labels = found.labels.copy()
+    if hiding is not None:
+        labels[hiding] = 0
+    mask = labels > 0
     radius = _measure_radius(mask, found.radius, found.radius_px)
     missed = _may_miss(table, mask, found.radius, found.radius_px)
-    return ShownInColor(mask, radius, plane, table.scatter, _are_shaded(pieces), missed)
+    return ShownInColor(labels, radius, plane, table.scatter, _are_shaded(pieces), missed)
 
 
 def _measure_radius(mask: NDArray[np.bool_], radius: float, radius_px: float) -> float:
@@ -102,3 +116,38 @@ def _may_miss(table: NearTable, mask: NDArray[np.bool_], radius: float, radius_p
         return False
     near = _core.measure_edge_distances(np.asarray(~mask), _BESIDE + 1) <= _BESIDE
     return bool(np.count_nonzero(high & ~near) > _MISSED_AREA * radius_px**2)
+
+
+def match_labels(shown: Sequence[ShownInColor], images: Sequence[DepthImage]) -> list[NDArray[np.int32]]:
+    """Return each view's labels with one number for one colour in all views."""
+    known: list[Array] = []
+    matched = []
+    for one, image in zip(shown, images, strict=True):
+        assert image.colors is not None
+        labels = np.zeros_like(one.labels)
+        left = set(range(len(known)))
+        for label in np.unique(one.labels[one.labels > 0]):
+            own = one.labels == label
+            color = _core.convert_to_lab(np.ascontiguousarray(image.colors[own][None]))
+            middle = np.median(color[:, 0].astype(np.float64), axis=1)
+            away = {k: float(np.linalg.norm(known[k] - middle)) for k in left}
+            number = min(away, key=away.__getitem__, default=-1)
+            if number < 0 or away[number] > _SAME_COLOR:
+                number = len(known)
+                known.append(middle)
+            left.discard(number)
+            labels[own] = number + 1
+        matched.append(labels)
+    return matched
+
+
+def _grow_labels(labels: NDArray[np.int32], growth: float) -> NDArray[np.int32]:
+    """Return labels that reach some pixels farther; between two labels, the nearer one does."""
+    grown = labels.copy()
+    if growth > 0.0:
+        nearest = np.full(labels.shape, growth, dtype=np.float32)
+        for label in np.unique(labels[labels > 0]):
+            away = _core.measure_edge_distances(np.asarray(labels != label), math.ceil(growth) + 1)
+            closer = (labels == 0) & (away <= nearest)
+            grown[closer], nearest[closer] = label, away[closer]
+    return grown

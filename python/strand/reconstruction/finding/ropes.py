@@ -9,7 +9,7 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
-from strand.reconstruction.finding.in_color import ShownInColor, find_in_color
+from strand.reconstruction.finding.in_color import ShownInColor, find_in_color, match_labels
 from strand.reconstruction.finding.standing import find_tabletop
 from strand.reconstruction.finding.strips import OtherObject, segment_ropes
 from strand.reconstruction.finding.widths import estimate_strip_radius, measure_strip_lengths
@@ -198,10 +198,10 @@ def _find_in_colors(extract: Extract) -> list[ShownInColor] | None:
 
 def _take_colors(extract: Extract, shown: Sequence[ShownInColor], radii: Array | None) -> FoundRopes:
     """Return the views with the masks that their colours show."""
+    images = [view.image for view in extract.whole if view.image is not None]
     views = tuple(
-        masked(view, replace(view.image, labels=one.mask))
-        for view, one in zip(extract.whole, shown, strict=True)
-        if view.image is not None
+        masked(view, replace(image, labels=labels))
+        for view, image, labels in zip(extract.whole, images, match_labels(shown, images), strict=True)
     )
     own = [one for one in shown if one.mask.any()]
     radius = float(np.median([one.radius for one in own]))

@@ -46,7 +46,11 @@ def _magnify_image(image: DepthImage, factor: int, band: int) -> DepthImage:
     depth = image.depth[window].repeat(factor, axis=0).repeat(factor, axis=1)
     corner = (float(window[1].start), float(window[0].start))
     camera = image.camera.magnified(factor, corner)
-    return DepthImage(depth, camera, image.pose, _magnify_mask(image.mask[window], factor))
+    occluders = None
+    if image.occluders is not None:
+        occluders = image.occluders[window].repeat(factor, axis=0).repeat(factor, axis=1)
+    mask = _magnify_mask(image.mask[window], factor)
+    return DepthImage(depth, camera, image.pose, mask, None, occluders)
 
 
 def _magnify_mask(mask: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:

@@ -44,7 +44,8 @@ def average_pixels(image: DepthImage, radius: float) -> tuple[DepthImage, int]:
     depth = sums(image.depth) / np.maximum(counts, 1.0)
     depth[2 * counts < side**2] = 0.0
     mask = 2 * sums(image.mask) > side**2
-    return DepthImage(depth, image.camera.averaged(side), image.pose, mask), side
+    occluders = None if image.occluders is None else 2 * sums(image.occluders) > side**2
+    return DepthImage(depth, image.camera.averaged(side), image.pose, mask, None, occluders), side
 
 
 def estimate_mean_noise(scatter: float, side: int, radius: float) -> float:

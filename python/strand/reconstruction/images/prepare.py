@@ -55,7 +55,7 @@ def prepare_images(
         If a mask shows no rope with depth.
     """
     return RopeImages(
-        [image.depth for image in images],
+        [image.blocked_depth for image in images],
         [image.mask for image in images],
         [image.camera for image in images],
         [image.pose for image in images],

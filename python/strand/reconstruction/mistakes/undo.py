@@ -85,8 +85,12 @@ def _change_pixels(change: Callable[[NDArray[Any]], NDArray[Any]]) -> Callable[[
         image = view.image
         if image is None:
             return None
-        labels = None if image.labels is None else np.ascontiguousarray(change(image.labels))
-        return pictured(view, replace(image, depth=np.ascontiguousarray(change(image.depth)), labels=labels))
+        labels, occluders = (
+            None if pixels is None else np.ascontiguousarray(change(pixels))
+            for pixels in (image.labels, image.occluders)
+        )
+        depth = np.ascontiguousarray(change(image.depth))
+        return pictured(view, replace(image, depth=depth, labels=labels, colors=None, occluders=occluders))
 
     return undo
 
