@@ -70,7 +70,7 @@ def _decode(recording: Recording, frame: UndecodedFrame) -> FrameInput:
 
 
 def _read_image(path: str, camera: KnownCamera, settings: Settings) -> FrameInput:
-    return FrameInput(None, (read_single_view(Path(path), camera, None, Budget(settings.max_bytes)),))
+    return FrameInput(None, (read_single_view(Path(path), camera, {}, Budget(settings.max_bytes)),))
 
 
 def _read_scene(path: str, camera: KnownCamera, settings: Settings) -> FrameInput:

@@ -16,7 +16,7 @@ from strand.io.scenes import Scene, load_scene
 from strand.support.checks import Array
 
 _RECORDING_OPTIONS = ("topic", "frame", "every", "world", "tolerance", "ignore_distortion")
-_SCENE_OPTIONS = ("viewpoint", "camera_frame", "mask")
+_SCENE_OPTIONS = ("viewpoint", "camera_frame", "mask", "color", "occluders")
 
 
 def load_input(options: argparse.Namespace) -> Scene:
@@ -42,6 +42,8 @@ def _load_scene(options: argparse.Namespace, path: Path) -> Scene:
     return load_scene(
         path,
         options.mask,
+        colors=options.color,
+        occluders=options.occluders,
         viewpoint=options.viewpoint,
         camera_frame=options.camera_frame,
         intrinsics=load_intrinsics(options.intrinsics),

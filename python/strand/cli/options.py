@@ -83,7 +83,7 @@ def add_recording(group: argparse._ArgumentGroup) -> None:
 
 
 def add_priors(command: argparse.ArgumentParser) -> None:
-    """Add the user's knowledge of the ropes, and masks of the views."""
+    """Add the user's knowledge of the ropes, and masks, colours and occluders of the views."""
     add_ropes(command)
     command.add_argument(
         "--mask",
@@ -92,6 +92,22 @@ def add_priors(command: argparse.ArgumentParser) -> None:
         metavar="PATH",
         help="masks of the ropes, a PNG or NPY file for each depth image: 0 is background, other numbers are "
         "labels of ropes or of pieces of them (default: the scene's)",
+    )
+    command.add_argument(
+        "--color",
+        type=values.parse_path,
+        nargs="+",
+        metavar="PATH",
+        help="colour images, a PNG, JPEG, BMP or PPM file of the same size for each depth image (default: "
+        "the scene's)",
+    )
+    command.add_argument(
+        "--occluders",
+        type=values.parse_path,
+        nargs="+",
+        metavar="PATH",
+        help="pixels of the robot or a hand, a PNG or NPY file for each depth image: 0 is none (default: the "
+        "scene's)",
     )
 
 

@@ -17,7 +17,7 @@ from strand.views.box import Bounds, Box, make_box
 from strand.views.pose import pose_from_angles, turntable_pose
 
 POWER_OF_TEN = {"mm": -3, "cm": -2, "m": 0, None: 0}  # of each unit in metres
-_FILES = ("file", "color", "mask")
+_FILES = ("file", "color", "mask", "occluders")
 LENGTH = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,4})?)\s*(mm|cm|m)?\s*")
 
 
@@ -31,19 +31,20 @@ class RecordedView:
         The depth image or the points.
     pose : (4, 4) ndarray
         Camera to world.
-    color, mask : str or None
-        The colour image and the mask of a depth image.
+    color, mask, occluders : str or None
+        The colour image, the mask and the occluders of a depth image.
     """
 
     file: str
     pose: Array
     color: str | None = None
     mask: str | None = None
+    occluders: str | None = None
 
     @property
     def files(self) -> dict[str, str]:
         """The view's files by key."""
-        named = {"file": self.file, "color": self.color, "mask": self.mask}
+        named = {key: getattr(self, key) for key in _FILES}
         return {key: name for key, name in named.items() if name is not None}
 
 

@@ -13,13 +13,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from strand.io.budget import MAX_BYTES, VIEW_BYTES, Budget
-from strand.io.images import read_color
 from strand.io.npy import Archive
 from strand.io.point_cloud import PointCloud
 from strand.io.scene_description import Description, parse_description
 from strand.io.single_view import KnownCamera, read_single_view
-from strand.io.view_files import SUFFIXES, read_mask, read_view_file, require_one_each
-from strand.support.checks import Array, check_finite_array, check_integer, check_sequence
+from strand.io.view_files import (
+    COLOR_BYTES,
+    SUFFIXES,
+    collect_given,
+    read_images,
+    read_view_file,
+    require_one_each,
+)
+from strand.support.checks import Array, check_finite_array, check_integer
 from strand.support.files import TOML_BYTES, FileFormatError, read_toml
 from strand.views.box import Bounds, make_box
 from strand.views.view import View
@@ -27,7 +33,7 @@ from strand.views.view import View
 _TRUTH = re.compile(r"truth_[0-9]{1,9}")
 _DEPTH = 8  # bytes of a pixel's depth (float64)
 _MASK = 4  # bytes of a pixel's label (int32)
-_COLOR = 24  # bytes of a pixel's colour (three float64)
+_OCCLUDER = 1  # bytes of a pixel's occluder
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +67,8 @@ def load_scene(
     path: str | os.PathLike[str],
     masks: Sequence[str | os.PathLike[str]] | None = None,
     *,
+    colors: Sequence[str | os.PathLike[str]] | None = None,
+    occluders: Sequence[str | os.PathLike[str]] | None = None,
     viewpoint: ArrayLike | None = None,
     camera_frame: bool = False,
     intrinsics: ArrayLike | None = None,
@@ -77,8 +85,9 @@ def load_scene(
     - `K` (3, 3), the pinhole matrix
     - `poses` (V, 4, 4), camera to world
 
-    It may have `color` (V, H, W, 3) uint8, `mask` (V, H, W) of bools or labels, the extraction range `box`
-    (2, 3), `radius`, `name`, and the true centrelines `truth_0`, `truth_1`, ...
+    It may have `color` (V, H, W, 3) uint8, `mask` (V, H, W) of bools or labels, `occluders` (V, H, W) of
+    bools, the extraction range `box` (2, 3), `radius`, `name`, and the true centrelines `truth_0`, `truth_1`,
+    ...
 
     A `scene.toml` names the file and the pose of each view:
 
@@ -108,6 +117,7 @@ def load_scene(
         file = "view0.png"
         color = "view0_color.png"      # optional: a colour image of the depth image's size
         mask = "view0_mask.png"        # optional: the ropes' pixels; 0 is no rope
+        occluders = "view0_robot.png"  # optional: the robot's or a hand's pixels; 0 is none
         pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.5], [0, 0, 0, 1]]    # camera to world
 
         [[view]]
@@ -139,6 +149,8 @@ def load_scene(
         The `.npz` file, the folder, its `scene.toml`, or the single file.
     masks : sequence of str or path-like, optional
         One mask file for each view, instead of the scene's masks. They may be in any folder.
+    colors, occluders : sequence of str or path-like, optional
+        The same of colour images and of occluders, which are files as masks are: not 0 is an occluder.
     viewpoint : (3,) array_like, optional
         For a single file of points in the world frame: the camera's position, metres.
     camera_frame : bool
@@ -169,19 +181,22 @@ def load_scene(
     TypeError
         If an argument is of the wrong type.
     ValueError
-        If there is not one mask for each view, `max_bytes` is not positive, a single file needs an argument
-        that is missing, or an argument repeats a fact that the scene gives itself.
+        If there is not one mask, colour image or occluder file for each view, `max_bytes` is not positive, a
+        single file needs an argument that is missing, or an argument repeats a fact that the scene gives
+        itself.
     ImportError
         If a package that reads images (or TOML, on Python 3.10) is not installed.
     """
     path = Path(path)
-    given = None if masks is None else [Path(one) for one in check_sequence("masks", masks, "paths")]
+    given = collect_given(masks=masks, colors=colors, occluders=occluders)
     budget = Budget(check_integer("max_bytes", max_bytes, 1))
     camera = KnownCamera(viewpoint, camera_frame, intrinsics, depth_scale)
     suffix = path.suffix.lower()
     if suffix in SUFFIXES and not path.is_dir():
         view = read_single_view(path, camera, given, budget)
-        return Scene(path.stem, (view,), None, None, files=(path, *(given or ())))
+        return Scene(
+            path.stem, (view,), None, None, files=(path, *(one for files in given.values() for one in files))
+        )
     camera.refuse(f"accepted only for a single file of points or depth; {path} has its own cameras")
     if path.is_dir():
         return _load_description(path / "scene.toml", given, budget, outside)
@@ -194,28 +209,31 @@ def load_scene(
     )
 
 
-def _load_archive(path: Path, masks: Sequence[Path] | None, budget: Budget) -> Scene:
+def _load_archive(path: Path, given: Mapping[str, Sequence[Path]], budget: Budget) -> Scene:
     with Archive(path, budget) as archive:
-        wanted = {"depth", "depth_scale", "K", "poses", "box", "radius", "name", "color", "mask"}
-        if masks is not None:
-            wanted.remove("mask")
+        wanted = {"depth", "depth_scale", "K", "poses", "box", "radius", "name", "color", "mask", "occluders"}
+        wanted -= set(given)
         names = [name for name in archive.names if name in wanted or _TRUTH.fullmatch(name)]
         arrays = {name: archive.read(name) for name in names}
     depth = arrays.get("depth", np.empty(0))
     if depth.ndim == 3:
-        color = _COLOR if "color" in arrays else 0
+        color = COLOR_BYTES if "color" in arrays else 0
+        color += _OCCLUDER if "occluders" in arrays else 0
         budget.take(path, len(depth) * VIEW_BYTES + depth.size * (_DEPTH + _MASK + color), "depth")
-    if masks is not None and depth.ndim == 3:
-        require_one_each(masks, len(depth))
-        labels = [read_mask(one, image.shape, budget) for one, image in zip(masks, depth, strict=True)]
-        arrays["mask"] = np.array(labels, dtype=np.int32).reshape(depth.shape)
+        require_one_each(given, len(depth))
+    views: list[dict[str, Any]] = [
+        read_images({key: files[number] for key, files in given.items()}, image.shape, budget)
+        for number, image in enumerate(depth if depth.ndim == 3 else ())
+    ]
     try:
-        return replace(_make_scene(path.stem, arrays), files=(path, *(masks or ())))
+        made = _make_scene(path.stem, arrays, views)
+        return replace(made, files=(path, *(one for files in given.values() for one in files)))
     except (TypeError, ValueError) as error:
         raise FileFormatError.from_error(path, error) from error
 
 
-def _make_scene(name: str, arrays: dict[str, NDArray[Any]]) -> Scene:
+def _make_scene(name: str, arrays: dict[str, NDArray[Any]], images: list[dict[str, Any]]) -> Scene:
+    """Return the scene of an archive's arrays, and of the images that the caller gives for each view."""
     missing = [key for key in ("depth", "depth_scale", "K", "poses") if key not in arrays]
     if missing:
         raise ValueError(f"missing {', '.join(missing)}")
@@ -227,23 +245,26 @@ def _make_scene(name: str, arrays: dict[str, NDArray[Any]]) -> Scene:
     if poses.shape != (len(depth), 4, 4):
         raise ValueError(f"poses: expected {(len(depth), 4, 4)}, got {poses.shape}")
     scale = _parse_scalar("depth_scale", arrays["depth_scale"])
-    colors = [None] * len(depth)
     if "color" in arrays:
-        images = arrays["color"]
-        if images.shape != (*depth.shape, 3) or images.dtype != np.uint8:
-            raise ValueError(f"color: expected {(*depth.shape, 3)} uint8, got {images.shape} {images.dtype}")
-        colors = list(images)
-    masks = [None] * len(depth)
+        seen = arrays["color"]
+        if seen.shape != (*depth.shape, 3) or seen.dtype != np.uint8:
+            raise ValueError(f"color: expected {(*depth.shape, 3)} uint8, got {seen.shape} {seen.dtype}")
+        _add_images(images, "colors", seen)
     if "mask" in arrays:
         labels = arrays["mask"]
         if labels.shape != depth.shape or labels.dtype.kind not in "biu":
             raise ValueError(
                 f"mask: expected {depth.shape} of bools or whole numbers, got {labels.shape} {labels.dtype}"
             )
-        masks = list(labels)
+        _add_images(images, "mask", labels)
+    if "occluders" in arrays:
+        hiding = arrays["occluders"]
+        if hiding.shape != depth.shape or hiding.dtype != np.bool_:
+            raise ValueError(f"occluders: expected {depth.shape} of bools, got {hiding.shape} {hiding.dtype}")
+        _add_images(images, "occluders", hiding)
     views = tuple(
-        View.from_depth(image, arrays["K"], pose, color, depth_scale=scale, mask=mask)
-        for image, pose, color, mask in zip(depth, poses, colors, masks, strict=True)
+        View.from_depth(image, arrays["K"], pose, depth_scale=scale, **own)
+        for image, pose, own in zip(depth, poses, images, strict=True)
     )
     bounds = None
     if "box" in arrays:
@@ -255,6 +276,11 @@ def _make_scene(name: str, arrays: dict[str, NDArray[Any]]) -> Scene:
     if "name" in arrays:
         name = _parse_text("name", arrays["name"])
     return Scene(name, views, bounds, radius, truth)
+
+
+def _add_images(images: list[dict[str, Any]], name: str, arrays: NDArray[Any]) -> None:
+    for own, array in zip(images, arrays, strict=True):
+        own[name] = array
 
 
 def _parse_text(name: str, array: NDArray[Any]) -> str:
@@ -274,23 +300,22 @@ def _parse_scalar(name: str, array: NDArray[Any]) -> float:
     return number
 
 
-def _load_description(path: Path, masks: Sequence[Path] | None, budget: Budget, outside: bool) -> Scene:
+def _load_description(
+    path: Path, given: Mapping[str, Sequence[Path]], budget: Budget, outside: bool
+) -> Scene:
     table = read_toml(path, min(TOML_BYTES, budget.max_bytes))
     try:
         description = parse_description(table)
     except (TypeError, ValueError, OverflowError, RecursionError) as error:
         raise FileFormatError.from_error(path, error) from error
-    recorded = description.views
-    if masks is not None:
-        require_one_each(masks, len(recorded))
-        recorded = tuple(replace(view, mask=None) for view in recorded)
+    require_one_each(given, len(description.views))
+    recorded = tuple(replace(view, **dict.fromkeys(given)) for view in description.views)
     # files are beside the description; if it is a link, beside the link
     folder = None if outside else Path(os.path.realpath(path.parent))
     views, files = [], [path]
     for i, view in enumerate(recorded):
         own = {key: _find_file(path, f"view {i}.{key}", name, folder) for key, name in view.files.items()}
-        if masks is not None:
-            own["mask"] = masks[i]
+        own.update({key: paths[i] for key, paths in given.items()})
         views.append(_load_view(own, view.pose, description, budget))
         files += own.values()
     name = description.name or Path(os.path.realpath(path)).parent.name
@@ -309,15 +334,14 @@ def _find_file(description: Path, place: str, name: str, folder: Path | None) ->
 def _load_view(files: Mapping[str, Path], pose: Array, description: Description, budget: Budget) -> View:
     path = files["file"]
     seen = read_view_file(path, budget)
-    colors = read_color(files["color"], budget) if "color" in files else None
     try:
         if isinstance(seen, PointCloud):
             budget.take(path, VIEW_BYTES + seen.numbers * _DEPTH)
-            for key, what in (("color", "colour images"), ("mask", "masks")):
+            for key, what in (("color", "colour images"), ("mask", "masks"), ("occluders", "occluders")):
                 if key in files:
                     raise ValueError(f"{key}: only depth images have {what}")
             return seen.make_view(pose)
-        budget.take(path, VIEW_BYTES + seen.size * (_DEPTH if colors is None else _DEPTH + _COLOR))
+        budget.take(path, VIEW_BYTES + seen.size * _DEPTH)
         scale = None
         if seen.dtype == np.uint16:
             if description.depth_scale is None:
@@ -325,9 +349,9 @@ def _load_view(files: Mapping[str, Path], pose: Array, description: Description,
             scale = description.depth_scale
         if description.intrinsics is None:
             raise ValueError("a depth image needs a [camera] table with fx, fy, cx, cy")
-        mask = read_mask(files["mask"], seen.shape, budget) if "mask" in files else None
-        return View.from_depth(seen, description.intrinsics, pose, colors, depth_scale=scale, mask=mask)
-    except FileFormatError:  # names the mask already
+        images = read_images(files, seen.shape, budget)
+        return View.from_depth(seen, description.intrinsics, pose, depth_scale=scale, **images)
+    except FileFormatError:  # names the image already
         raise
     except (TypeError, ValueError) as error:
         raise FileFormatError.from_error(path, error) from error

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from strand.io.budget import VIEW_BYTES, Budget
 from strand.io.point_cloud import PointCloud
-from strand.io.view_files import read_mask, read_view_file, require_one_each
+from strand.io.view_files import read_images, read_view_file, require_one_each
 from strand.support.checks import Array, check_bool, check_intrinsics, check_positive, check_small_array
 from strand.support.files import FileFormatError
 from strand.views.view import View
@@ -63,11 +63,13 @@ class KnownCamera:
                 raise ValueError(f"{name}: {reason}")
 
 
-def read_single_view(path: Path, camera: KnownCamera, masks: Sequence[Path] | None, budget: Budget) -> View:
+def read_single_view(
+    path: Path, camera: KnownCamera, given: Mapping[str, Sequence[Path]], budget: Budget
+) -> View:
     """Return the view of a single file; ValueError names a missing or unsuitable argument."""
     seen = read_view_file(path, budget)
     if isinstance(seen, PointCloud):
-        viewpoint = _find_viewpoint(path, seen, camera, masks)
+        viewpoint = _find_viewpoint(path, seen, camera, given)
         budget.take(path, VIEW_BYTES + _FLOAT * seen.numbers)
         with _name_file(path):
             return seen.make_view(np.eye(4)) if viewpoint is None else seen.make_view_from(viewpoint)
@@ -82,22 +84,21 @@ def read_single_view(path: Path, camera: KnownCamera, masks: Sequence[Path] | No
             f"depth_scale: {path} holds whole numbers in an unknown unit: give depth_scale (--depth-scale), "
             "0.001 for millimetres"
         )
-    mask = None
-    if masks is not None:
-        require_one_each(masks, 1)
-        mask = read_mask(masks[0], seen.shape, budget)
+    require_one_each(given, 1)
+    images = read_images({key: paths[0] for key, paths in given.items()}, seen.shape, budget)
     budget.take(path, VIEW_BYTES + _FLOAT * seen.size)
     with _name_file(path):
-        return View.from_depth(seen, camera.intrinsics, depth_scale=camera.depth_scale, mask=mask)
+        return View.from_depth(seen, camera.intrinsics, depth_scale=camera.depth_scale, **images)
 
 
 def _find_viewpoint(
-    path: Path, seen: PointCloud, camera: KnownCamera, masks: Sequence[Path] | None
+    path: Path, seen: PointCloud, camera: KnownCamera, given: Mapping[str, Sequence[Path]]
 ) -> Array | None:
     """Return the (3,) viewpoint of a file's points; None if they are in the camera frame."""
     camera.refuse(f"{path} holds points, not a depth image", "intrinsics", "depth_scale")
-    if masks is not None:
-        raise ValueError(f"masks: {path} holds points, and only depth images have masks")
+    for name, what in (("masks", "masks"), ("colors", "colour images"), ("occluders", "occluders")):
+        if name.removesuffix("s") in given or name in given:
+            raise ValueError(f"{name}: {path} holds points, and only depth images have {what}")
     if camera.camera_frame:
         return None
     if camera.viewpoint is not None:

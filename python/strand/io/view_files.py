@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,16 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand.io.budget import Budget
-from strand.io.images import read_depth_png, read_depth_tiff, read_mask_png
+from strand.io.images import read_color, read_depth_png, read_depth_tiff, read_mask_png
 from strand.io.npy import read_npy
 from strand.io.pcd import read_pcd
 from strand.io.ply import read_ply
 from strand.io.point_cloud import PointCloud, scale_colors
 from strand.io.xyz import read_xyz
-from strand.support.checks import check_mask
+from strand.support.checks import check_mask, check_sequence
 from strand.support.files import FileFormatError
 
+COLOR_BYTES = 24  # of a pixel's colour (three float64)
 _MASK_PIXEL = 4  # bytes of a pixel of a view's mask
+_KEYS = {"masks": "mask", "colors": "color", "occluders": "occluders"}  # a view's key by the argument's name
 
 
 def read_view_file(path: Path, budget: Budget) -> NDArray[Any] | PointCloud:
@@ -30,18 +33,44 @@ def read_view_file(path: Path, budget: Budget) -> NDArray[Any] | PointCloud:
     return reader(path, budget)
 
 
-def require_one_each(masks: Sequence[Path], views: int) -> None:
-    """Raise ValueError unless there is one mask for each view."""
-    if len(masks) != views:
-        raise ValueError(f"masks: expected one file for each of {views} views, got {len(masks)}")
+def collect_given(**given: Sequence[str | os.PathLike[str]] | None) -> dict[str, list[Path]]:
+    """Return the files that the caller gives for each view, by the key of a view: mask, color, occluders."""
+    return {
+        _KEYS[name]: [Path(one) for one in check_sequence(name, files, "paths")]
+        for name, files in given.items()
+        if files is not None
+    }
 
 
-def read_mask(path: Path, shape: tuple[int, int], budget: Budget) -> NDArray[np.int32]:
-    """Return the (H, W) labels of a mask file, which must have this shape."""
+def require_one_each(given: Mapping[str, Sequence[Path]], views: int) -> None:
+    """Raise ValueError unless there is one file of each kind for each view."""
+    for name, key in _KEYS.items():
+        if key in given and len(given[key]) != views:
+            raise ValueError(f"{name}: expected one file for each of {views} views, got {len(given[key])}")
+
+
+def read_images(files: Mapping[str, Path], shape: tuple[int, ...], budget: Budget) -> dict[str, Any]:
+    """Return the mask, the colours and the occluders of a depth image, as `View.from_depth` takes them."""
+    images: dict[str, Any] = {}
+    if "color" in files:
+        images["colors"] = read_color(files["color"], budget)
+        if images["colors"].shape[:2] != shape:
+            reason = f"expected the depth image's shape {shape}, got {images['colors'].shape[:2]}"
+            raise FileFormatError(files["color"], reason, "color")
+        budget.take(files["color"], COLOR_BYTES * images["colors"][..., 0].size)
+    if "mask" in files:
+        images["mask"] = read_mask(files["mask"], shape, budget)
+    if "occluders" in files:
+        images["occluders"] = read_mask(files["occluders"], shape, budget, "occluders") != 0
+    return images
+
+
+def read_mask(path: Path, shape: tuple[int, ...], budget: Budget, key: str = "mask") -> NDArray[Any]:
+    """Return the (H, W) labels, or bools, of a mask file, which must have this shape."""
     labels = read_npy(path, budget) if path.suffix.lower() == ".npy" else read_mask_png(path, budget)
     budget.take(path, _MASK_PIXEL * labels.size)
     try:
-        return check_mask("mask", labels, shape)
+        return check_mask(key, labels, shape)
     except (TypeError, ValueError) as error:
         raise FileFormatError.from_error(path, error) from error
 

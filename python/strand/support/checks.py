@@ -244,8 +244,8 @@ def check_colors(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> A
     return colors
 
 
-def check_mask(name: str, value: ArrayLike, shape: tuple[int, int]) -> NDArray[np.int32]:
-    """Return a new int32 array of the mask's labels, in the image's shape; 0 means no rope."""
+def check_mask(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.int32] | NDArray[np.bool_]:
+    """Return a new array in the image's shape: bools, or labels as int32; 0 means no rope."""
     array = to_array(name, value)
     if array.dtype.kind not in "biu":
         raise TypeError(
@@ -253,8 +253,10 @@ def check_mask(name: str, value: ArrayLike, shape: tuple[int, int]) -> NDArray[n
         )
     if array.shape != shape:
         raise ValueError(f"{name}: expected the depth image's shape {shape}, got {array.shape}")
+    if array.dtype == np.bool_:
+        return np.array(array, order="C")
     least, most = 0, int(np.iinfo(np.int32).max)
-    if array.dtype.kind != "b" and array.size and not (array.min() >= least and array.max() <= most):
+    if array.size and not (array.min() >= least and array.max() <= most):
         raise ValueError(
             f"{name}: expected labels from {least} to {most}, got {array.min()} to {array.max()}"
         )

@@ -153,11 +153,7 @@ class View:
         # farther points are not finite
         farthest = 0.5 * np.finfo(float).max / aside * min(fx, fy, 1.0)
         copied, dropped = _core.copy_depth(image, farthest)
-        labels: NDArray[np.int32] | NDArray[np.bool_] | None = None
-        if mask is not None:
-            labels = check_mask("mask", mask, (height, width))
-            # bools are no labels
-            labels = labels.astype(np.bool_) if np.asarray(mask).dtype == np.bool_ else labels
+        labels = None if mask is None else check_mask("mask", mask, (height, width))
         hiding = None
         if occluders is not None:
             hiding = check_occluders("occluders", occluders, (height, width))

@@ -168,7 +168,7 @@ def test_scene_files_hold_colour_images(tmp_path):
     with pytest.raises(FileFormatError, match=r"c0\.png: truncated, or not a colour image"):
         load_scene(tmp_path)
     Image.fromarray(images[0, ::2]).save(tmp_path / "c0.png")
-    with pytest.raises(FileFormatError, match=r"0.png: colors: expected shape \(240, 320, 3\)"):
+    with pytest.raises(FileFormatError, match=r"0.png: color: expected the depth image's shape \(240, 320\)"):
         load_scene(tmp_path)
     np.save(tmp_path / "0.npy", np.zeros((5, 3)))
     (tmp_path / "scene.toml").write_text(text.replace('"0.png"', '"0.npy"'))
