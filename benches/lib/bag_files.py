@@ -58,6 +58,29 @@ class Messages:
         }
         return self.make("sensor_msgs/msg/Image", header=self.header(frame, stamp), **(fields | changes))
 
+    def color(self, colors: NDArray[np.uint8], stamp: int, frame: str = "camera", encoding="rgb8") -> Any:
+        """Return (H, W, 3) red, green and blue in an encoding, or compressed as "jpeg" or "png"."""
+        header = self.header(frame, stamp)
+        if encoding in ("jpeg", "png"):
+            packed = io.BytesIO()
+            Image.fromarray(colors).save(packed, encoding, **({"quality": 98} if encoding == "jpeg" else {}))
+            data = np.frombuffer(packed.getvalue(), dtype=np.uint8)
+            kind = f"rgb8; {encoding} compressed bgr8"
+            return self.make("sensor_msgs/msg/CompressedImage", header=header, format=kind, data=data)
+        pixels = colors if encoding.startswith("rgb") else colors[..., ::-1]
+        if "a" in encoding:
+            pixels = np.concatenate([pixels, np.full_like(pixels[..., :1], 255)], axis=2)
+        return self.make(
+            "sensor_msgs/msg/Image",
+            header=header,
+            height=pixels.shape[0],
+            width=pixels.shape[1],
+            encoding=encoding,
+            is_bigendian=0,
+            step=pixels.shape[1] * pixels.shape[2],
+            data=np.ascontiguousarray(pixels).ravel(),
+        )
+
     def compressed(
         self, depth: NDArray[np.uint16], stamp: int, frame: str = "camera", kind: str = "16UC1", a=0.0, b=0.0
     ) -> Any:

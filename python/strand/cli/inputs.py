@@ -15,7 +15,9 @@ from strand.io.recordings.recording import TOLERANCE
 from strand.io.scenes import Scene, load_scene
 from strand.support.checks import Array
 
-_RECORDING_OPTIONS = ("topic", "frame", "every", "world", "tolerance", "ignore_distortion")
+_RECORDING_OPTIONS = (
+    *("topic", "frame", "every", "world", "tolerance", "ignore_distortion", "color_topic", "no_color"),
+)
 _SCENE_OPTIONS = ("viewpoint", "camera_frame", "mask", "color", "occluders")
 
 
@@ -59,6 +61,8 @@ def open_recording(options: argparse.Namespace) -> Recording:
     if not is_recording(path):
         _refuse_options(options, _RECORDING_OPTIONS, f"for recordings only, and {path} is none")
     _refuse_options(options, _SCENE_OPTIONS, "for scenes only; a recording has its own")
+    if options.no_color and options.color_topic is not None:
+        raise ValueError("--no-color: expected either --color-topic or --no-color, got both")
     return Recording(
         path,
         options.topic,
@@ -66,6 +70,7 @@ def open_recording(options: argparse.Namespace) -> Recording:
         tolerance=TOLERANCE if options.tolerance is None else options.tolerance,
         intrinsics=load_intrinsics(options.intrinsics),
         depth_scale=options.depth_scale,
+        color_topics=() if options.no_color else options.color_topic,
         ignore_distortion=options.ignore_distortion,
         max_bytes=options.max_bytes,
     )

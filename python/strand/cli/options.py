@@ -25,6 +25,13 @@ def add_scene(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("recordings")
     add_recording(group)
     group.add_argument(
+        "--color-topic",
+        nargs="+",
+        metavar="TOPIC",
+        help="topics with the colours of the depth topics, one for each (default: the nearest by name)",
+    )
+    group.add_argument("--no-color", action="store_true", help="do not read colours")
+    group.add_argument(
         "--frame", type=int, metavar="N", help="number of the first or only frame, from 0 (default: 0)"
     )
 

@@ -89,9 +89,13 @@ def read_mask_png(path: Path, budget: Budget) -> NDArray[Any]:
 
 def read_color(path: Path, budget: Budget) -> NDArray[np.uint8]:
     """Return the (H, W, 3) uint8 pixels of a colour image."""
-    data = budget.read(path)
+    return decode_color(path, budget.read(path), budget)
+
+
+def decode_color(file: str | Path, data: bytes, budget: Budget) -> NDArray[np.uint8]:
+    """Return the (H, W, 3) uint8 pixels of a colour image in memory; errors name `file`."""
     expected = f"colour image ({', '.join(COLOR_FORMATS)})"
-    return _decode(path, budget, data, COLOR_FORMATS, expected, 3, lambda image: image.convert("RGB"))
+    return _decode(file, budget, data, COLOR_FORMATS, expected, 3, lambda image: image.convert("RGB"))
 
 
 def _read_single_channel(

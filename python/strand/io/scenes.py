@@ -309,7 +309,8 @@ def _load_description(
     except (TypeError, ValueError, OverflowError, RecursionError) as error:
         raise FileFormatError.from_error(path, error) from error
     require_one_each(given, len(description.views))
-    recorded = tuple(replace(view, **dict.fromkeys(given)) for view in description.views)
+    nothing: dict[str, Any] = dict.fromkeys(given)
+    recorded = tuple(replace(view, **nothing) for view in description.views)
     # files are beside the description; if it is a link, beside the link
     folder = None if outside else Path(os.path.realpath(path.parent))
     views, files = [], [path]

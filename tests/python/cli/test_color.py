@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 import strand
+from lib.bag_files import START, Messages, write_bag
 from strand import cli
 from strand.synthetic import color_scene
 
@@ -105,3 +106,29 @@ def test_reconstruct_finds_ropes_in_a_colour_image(folder, capsys):
 def test_wrong_colour_images_and_occluders_are_named(folder, capsys, arguments, code, said):
     assert run("reconstruct", "depth.png", *CAMERA, *arguments) == code
     assert said in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_the_colour_topic_of_a_recording_is_used_unless_it_is_turned_off(folder, capsys):
+    made, size = Messages(), MADE.scene.depth[0].shape
+    millimeters = np.rint(1e3 * MADE.scene.depth_scale * MADE.scene.depth[0]).astype(np.uint16)
+    entries = [
+        ("/cam/depth/camera_info", START, made.info(MADE.scene.intrinsics, size, START)),
+        ("/cam/depth/image", START, made.image(millimeters, START)),
+        ("/cam/rgb/image", START, made.color(MADE.color[0], START)),
+    ]
+    path = write_bag(folder / "bag", "mcap", entries)
+    for more, labels in (([], [1, 2]), (["--color-topic", "/cam/rgb/image"], [1, 2])):
+        assert run("reconstruct", path, "--json", *more) == 0
+        assert [chain["label"] for chain in json.loads(capsys.readouterr().out)["chains"]] == labels
+    run("reconstruct", path, "--json", "--no-color")
+    out = capsys.readouterr().out
+    assert not out or all(chain["color"] is None for chain in json.loads(out)["chains"])
+    for more, said in (
+        (["--color-topic", "/no"], "color_topics: "),
+        (["--color-topic", "/cam/rgb/image", "--no-color"], "--no-color: expected either"),
+        (["--color", "color.png"], "--color: for scenes only"),
+    ):
+        assert run("reconstruct", path, *more) == 2
+        assert said in capsys.readouterr().err.splitlines()[-1]
+    assert run("reconstruct", "depth.png", *CAMERA, "--no-color") == 2
+    assert "--no-color: for recordings only" in capsys.readouterr().err.splitlines()[-1]

@@ -9,6 +9,9 @@ import numpy as np
 
 from strand.support.checks import Array, check_intrinsics
 
+_MODELS = ("plumb_bob", "rational_polynomial")  # lens models that strand knows
+_COEFFICIENTS = (4, 5, 8)  # numbers of these
+
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
@@ -20,10 +23,13 @@ class Calibration:
         [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], pixels.
     size : (int, int) or None
         Height and width of the images, pixels; None if not known.
+    distortion : (8,) ndarray or None
+        The lens's k1, k2, p1, p2, k3, k4, k5, k6 as in OpenCV; None without distortion.
     """
 
     matrix: Array
     size: tuple[int, int] | None = None
+    distortion: Array | None = None
 
 
 def read_calibration(info: Any, *, rectified: bool, ignore_distortion: bool) -> Calibration:
@@ -44,6 +50,20 @@ def read_calibration(info: Any, *, rectified: bool, ignore_distortion: bool) -> 
     if k.size != 9 or not k.any():
         raise ValueError("CameraInfo.K: expected a pinhole matrix, got zeros")
     return Calibration(check_intrinsics("CameraInfo.K", k.reshape(3, 3)), size)
+
+
+def read_color_calibration(info: Any, *, rectified: bool) -> Calibration:
+    """Return the calibration of a colour camera, whose lens may distort by the models of OpenCV."""
+    plain = read_calibration(info, rectified=rectified, ignore_distortion=True)
+    d = np.asarray(_get_field(info, "d"), dtype=np.float64)
+    if rectified or not d.any():
+        return plain
+    if info.distortion_model not in _MODELS or len(d) not in _COEFFICIENTS or not np.isfinite(d).all():
+        raise ValueError(
+            f"CameraInfo.distortion_model: expected {' or '.join(_MODELS)}, got "
+            f"{info.distortion_model[:40]!r} with {len(d)} numbers"
+        )
+    return Calibration(plain.matrix, plain.size, np.concatenate([d, np.zeros(8 - len(d))]))
 
 
 def _get_field(info: Any, name: str) -> Any:

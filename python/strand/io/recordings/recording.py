@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from strand.io.budget import MAX_BYTES
 from strand.io.recordings.bags import Bag, Message
+from strand.io.recordings.color_alignment import align_colors
+from strand.io.recordings.color_messages import decode_color_message
+from strand.io.recordings.color_pairing import pair_colors
+from strand.io.recordings.color_topics import find_color_cameras, find_color_pose
 from strand.io.recordings.message_views import make_view
-from strand.io.recordings.synchronization import match_messages
+from strand.io.recordings.synchronization import find_nearest, match_messages
 from strand.io.recordings.topics import choose_topics, read_depth_topic
 from strand.io.recordings.transforms import TF_KINDS, Transforms, read_stamp
 from strand.support.checks import (
@@ -73,10 +78,13 @@ class UndecodedFrame:
         Number of the frame in the recording, from 0.
     messages : tuple of Message
         One for each topic.
+    colors : tuple of (Message or None)
+        The colour image of each.
     """
 
     number: int
     messages: tuple[Message, ...]
+    colors: tuple[Message | None, ...]
 
 
 class Recording:
@@ -85,6 +93,9 @@ class Recording:
     Each message of the first topic makes a frame with the nearest message in time of every other topic.
     Iteration yields the frames in the order of the first topic, and holds one in memory. strand reads the
     file with rosbags; ROS is not needed.
+
+    Depth images get the colours of the nearest colour image in time, within `tolerance`, if there is one. If
+    it is from another camera, each depth pixel's point is projected into it by TF and the CameraInfo.
 
     Parameters
     ----------
@@ -108,6 +119,10 @@ class Recording:
         rectified images ("image_rect"), K for others.
     depth_scale : float, optional
         Metres per unit of 16-bit depth images. By default, the unit in a RealSense file, else 0.001.
+    color_topics : sequence of str, optional
+        One topic with colours for each topic: Image (rgb8, bgr8, rgba8, bgra8) or CompressedImage (JPEG,
+        PNG). An empty sequence: no colours. By default, the topic whose name is nearest to that of the depth
+        topic, if it can be aligned.
     ignore_distortion : bool
         Whether to use images of lenses with distortion as they are; by default, they raise an error.
     max_bytes : int
@@ -117,6 +132,10 @@ class Recording:
     ----------
     path : Path
     topics : tuple of str
+    color_topics : tuple of (str or None)
+        The topic with the colours of each topic; None for none.
+    color_troubles : dict of str to str
+        For depth topics without colours, why the likeliest colour topic cannot be aligned.
     files : tuple of Path
         The files of the recording.
 
@@ -144,6 +163,7 @@ class Recording:
         tolerance: float = TOLERANCE,
         intrinsics: ArrayLike | None = None,
         depth_scale: float | None = None,
+        color_topics: Sequence[str] | None = None,
         ignore_distortion: bool = False,
         max_bytes: int = MAX_BYTES,
     ) -> None:
@@ -151,10 +171,9 @@ class Recording:
         self._world = None if world is None else check_text("world", world)
         if world is not None and poses is not None:
             raise ValueError("poses: expected either poses, or world to take them from TF, got both")
-        patterns = (
-            None
-            if topics is None
-            else [check_text("topics", one) for one in check_sequence("topics", topics, "text")]
+        patterns, named = (
+            None if given is None else [check_text(name, one) for one in check_sequence(name, given, "text")]
+            for name, given in (("topics", topics), ("color_topics", color_topics))
         )
         camera = None if intrinsics is None else check_intrinsics("intrinsics", intrinsics)
         scale = None if depth_scale is None else check_positive("depth_scale", depth_scale)
@@ -171,6 +190,13 @@ class Recording:
             }
             if self._world is not None:
                 self._require_frames(self._world)
+            self._colors, self.color_troubles = find_color_cameras(
+                self._bag, list(self._cameras.values()), named, self._find_between, self._max_bytes
+            )
+            self.color_topics = tuple(
+                self._colors[topic].topic if topic in self._colors else None for topic in self.topics
+            )
+            self._streams = (*self.topics, *dict.fromkeys(one.topic for one in self._colors.values()))
         except BaseException:
             self.close()
             raise
@@ -238,28 +264,47 @@ class Recording:
 
     def _read_single_topic(self, start: int, stop: int | None, step: int) -> Iterator[UndecodedFrame]:
         """Yield frames of one topic without a plan, which would read the whole file first."""
+        if self._colors:
+            wanted = range(start, sys.maxsize if stop is None else max(stop, start), step)
+            if not wanted:
+                return
+            messages = self._bag.read_messages(self._streams)
+            pairs = pair_colors(
+                messages, self.topics[0], wanted, self._read_stamp, self._tolerance, self._max_bytes
+            )
+            for number, message, color in pairs:
+                yield UndecodedFrame(number, (message,), (color,))
+            return
         for number, message in enumerate(self._bag.read_messages(self.topics)):
             if stop is not None and number >= stop:
                 return
             if number >= start and (number - start) % step == 0:
-                yield UndecodedFrame(number, (message,))
+                yield UndecodedFrame(number, (message,), (None,))
 
     def _read_planned(self, numbers: range) -> Iterator[UndecodedFrame]:
         """Yield planned frames; a message is held until the last frame that needs it."""
         parts = self._plan[1]
-        left = Counter((k, int(n)) for number in numbers for k, n in enumerate(parts[number]))
+        # where the stream of each part is
+        places = [
+            *range(len(self.topics)),
+            *(self._streams.index(topic or self.topics[0]) for topic in self.color_topics),
+        ]
+        left = Counter(
+            (places[k], int(n)) for number in numbers for k, n in enumerate(parts[number]) if n >= 0
+        )
         held: dict[tuple[int, int], Message] = {}
-        counts = [0] * len(self.topics)
+        counts = [0] * len(self._streams)
         size, due = 0, iter(numbers)
         number = next(due, None)
-        messages = self._bag.read_messages(self.topics)
+        messages = self._bag.read_messages(self._streams)
         while number is not None:
-            needed = [(k, int(n)) for k, n in enumerate(parts[number])]
+            keys = [(places[k], int(n)) if n >= 0 else None for k, n in enumerate(parts[number])]
+            needed = [key for key in keys if key is not None]
             while not all(key in held for key in needed):
                 message = next(messages, None)
                 if message is None:
                     raise FileFormatError(self.path, "the file changed: a message is missing")
-                k = self.topics.index(message.topic)
+                k = self._streams.index(message.topic)
                 key = (k, counts[k])
                 counts[k] += 1
                 if left[key]:
@@ -268,7 +313,9 @@ class Recording:
                 if size > self._max_bytes:
                     reason = f"views of one frame are more than max_bytes={self._max_bytes} apart in the file"
                     raise FileFormatError(self.path, reason, message.place)
-            frame = UndecodedFrame(number, tuple(held[key] for key in needed))
+            found = [None if key is None else held[key] for key in keys]
+            count = len(self.topics)
+            frame = UndecodedFrame(number, tuple(one for one in found[:count] if one), tuple(found[count:]))
             for key in needed:
                 left[key] -= 1
                 if not left[key]:
@@ -281,14 +328,35 @@ class Recording:
         decoded = [self._bag.decode(message) for message in frame.messages]
         views = []
         for k, (message, seen) in enumerate(zip(frame.messages, decoded, strict=True)):
-            camera = self._cameras[message.topic]
-            pose = self._find_pose(k, seen.header.frame_id, self._get_stamp(message, seen))
+            camera, stamp = self._cameras[message.topic], self._get_stamp(message, seen)
+            pose = self._find_pose(k, seen.header.frame_id, stamp)
+            colors = self._decode_colors(message.topic, frame.colors[k], seen.header.frame_id, stamp)
             try:
-                view = make_view(seen, camera.calibration, pose, camera.depth_scale, self._max_bytes)
+                view = make_view(seen, camera.calibration, pose, camera.depth_scale, self._max_bytes, colors)
             except (TypeError, ValueError) as error:
                 raise FileFormatError(self.path, str(error), message.place) from error
             views.append(view)
         return Frame(frame.number, self._get_stamp(frame.messages[0], decoded[0]), tuple(views))
+
+    def _decode_colors(
+        self, topic: str, message: Message | None, frame: str, stamp: int
+    ) -> Callable[[Array, Array], NDArray[np.uint8]] | None:
+        """Return the function that finds the colours of a depth image; None without colours."""
+        if message is None:
+            return None
+        camera = self._colors[topic]
+        pose = find_color_pose(camera, frame, stamp, self._find_between)
+        if pose is None:
+            return None
+        decoded = self._bag.decode(message)
+        try:
+            colors = decode_color_message(decoded, self._max_bytes)
+        except ValueError as error:
+            raise FileFormatError(self.path, str(error), message.place) from error
+        return lambda depth, matrix: align_colors(colors, camera, depth, matrix, pose)
+
+    def _find_between(self, world: str, frame: str, stamp: int) -> Array | None:
+        return self._transforms.find_pose(world, frame, stamp)
 
     def _find_pose(self, k: int, frame: str, stamp: int) -> Array | None:
         if self._world is None:
@@ -300,12 +368,18 @@ class Recording:
         """Return the time stamp of a message, or its time of recording if the stamp is 0."""
         return read_stamp(decoded.header) or message.time
 
+    def _read_stamp(self, message: Message) -> int:
+        return self._get_stamp(message, self._bag.decode(message))
+
     @lazy_property
     def _plan(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """(F,) Time stamps of the frames, and (F, T) numbers of the messages of each frame."""
-        times: dict[str, list[int]] = {topic: [] for topic in self.topics}
-        frames: dict[str, list[str]] = {topic: [] for topic in self.topics}
-        for message in self._bag.read_messages(self.topics):
+        """(F,) Time stamps of the frames, and (F, 2 T) numbers of the depth and colour messages of each.
+
+        -1 is no colour message.
+        """
+        times: dict[str, list[int]] = {topic: [] for topic in self._streams}
+        frames: dict[str, list[str]] = {topic: [] for topic in self._streams}
+        for message in self._bag.read_messages(self._streams):
             decoded = self._bag.decode(message)
             times[message.topic].append(self._get_stamp(message, decoded))
             frames[message.topic].append(decoded.header.frame_id)
@@ -326,6 +400,13 @@ class Recording:
             if not len(parts):
                 reason = f"no frame: TF lacks the pose of a camera at all of {len(placed)} times"
                 raise FileFormatError(self.path, reason, ", ".join(self.topics))
+        colors = [
+            find_nearest(own[rows], np.array(times[topic], dtype=np.int64), self._tolerance)
+            if topic
+            else np.full(len(parts), -1)
+            for own, rows, topic in zip(stamps, parts.T, self.color_topics, strict=True)
+        ]
+        parts = np.column_stack([parts, *colors])
         kept = stamps[0][parts[:, 0]]
         kept.setflags(write=False)
         return kept, parts

@@ -28,14 +28,20 @@ def match_messages(times: Sequence[Times], tolerance: int) -> NDArray[np.int64]:
     rows = [np.arange(len(first))]
     near = np.ones(len(first), dtype=bool)
     for other in times[1:]:
-        if not len(other):
-            return np.empty((0, len(times)), dtype=np.int64)
-        order = np.argsort(other, kind="stable")
-        ordered = other[order]
-        after = np.searchsorted(ordered, first).clip(1, max(len(other) - 1, 1))
-        before = after - 1
-        after = np.minimum(after, len(other) - 1)
-        nearest = np.where(np.abs(ordered[after] - first) < np.abs(first - ordered[before]), after, before)
-        near &= np.abs(ordered[nearest] - first) <= tolerance
-        rows.append(order[nearest])
+        nearest = find_nearest(first, other, tolerance)
+        near &= nearest >= 0
+        rows.append(nearest)
     return np.stack(rows, axis=1)[near]
+
+
+def find_nearest(first: Times, other: Times, tolerance: int) -> NDArray[np.int64]:
+    """(N,) Return the number of the nearest other time to each time; -1 where none is near enough."""
+    if not len(other):
+        return np.full(len(first), -1, dtype=np.int64)
+    order = np.argsort(other, kind="stable")
+    ordered = other[order]
+    after = np.searchsorted(ordered, first).clip(1, max(len(other) - 1, 1))
+    before = after - 1
+    after = np.minimum(after, len(other) - 1)
+    nearest = np.where(np.abs(ordered[after] - first) < np.abs(first - ordered[before]), after, before)
+    return np.where(np.abs(ordered[nearest] - first) <= tolerance, order[nearest], -1)

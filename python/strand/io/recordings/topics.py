@@ -15,6 +15,7 @@ from strand.io.recordings.camera_info import (
     name_units_topic,
     read_calibration,
 )
+from strand.io.recordings.color_messages import is_color
 from strand.io.recordings.depth_messages import is_depth
 from strand.support.checks import Array
 from strand.support.files import FileFormatError
@@ -59,7 +60,11 @@ def choose_topics(bag: Bag, patterns: Sequence[str] | None) -> tuple[str, ...]:
         raise ValueError(f"topics: several show depth, give one for each camera to use: {', '.join(found)}")
     topics: list[str] = []
     for pattern in patterns:
-        matching = [topic for topic in shown if topic == pattern or fnmatchcase(topic, pattern)]
+        matching = [
+            topic
+            for topic in shown
+            if topic == pattern or (fnmatchcase(topic, pattern) and not shows_color(bag, topic))
+        ]
         if not matching:
             kind = bag.topics.get(pattern)
             what = f"no depth: {pattern} is {kind}" if kind else f"no topic {pattern}"
@@ -94,7 +99,7 @@ def read_depth_topic(
         calibration = Calibration(intrinsics)
     else:
         place = name_info_topic(topic)
-        info = _decode_first(bag, place, INFO)
+        info = decode_first(bag, place, INFO)
         if info is None:
             there = ", ".join(bag.find_topics(INFO)) or "none"
             reason = f"no CameraInfo on {place} (the bag has it on: {there}); give intrinsics (--intrinsics)"
@@ -106,18 +111,24 @@ def read_depth_topic(
         except (TypeError, ValueError) as error:
             raise FileFormatError(bag.path, str(error), place) from error
     if depth_scale is None:
-        unit = _decode_first(bag, name_units_topic(topic), NUMBER)
+        unit = decode_first(bag, name_units_topic(topic), NUMBER)
         if unit is not None and unit.data > 0:
             depth_scale = round(float(unit.data), 9)  # removes the error of single precision
     return DepthTopic(topic, calibration, depth_scale)
 
 
-def _decode_first(bag: Bag, topic: str, kind: str) -> Any:
+def decode_first(bag: Bag, topic: str, kind: str) -> Any:
     """Return the first decoded message of a topic if it has this type, else None."""
     if bag.topics.get(topic) != kind:
         return None
     message = bag.read_first(topic)
     return None if message is None else bag.decode(message)
+
+
+def shows_color(bag: Bag, topic: str) -> bool:
+    """Tell whether the first message of a topic is a colour image."""
+    message = bag.read_first(topic) if bag.topics.get(topic) in IMAGES else None
+    return message is not None and is_color(bag.decode(message))
 
 
 def _shows_depth(bag: Bag, topic: str) -> bool:
