@@ -237,6 +237,7 @@ def test_the_scene_of_the_page_on_files_is_read(tmp_path):
     Image.fromarray(scene.depth[0]).save(tmp_path / "view0.png")
     Image.fromarray((255 * (scene.depth[0] > 0)).astype(np.uint8)).save(tmp_path / "view0_mask.png")
     Image.fromarray(np.zeros((240, 320, 3), np.uint8)).save(tmp_path / "view0_color.png")
+    Image.fromarray(np.zeros((240, 320), np.uint8)).save(tmp_path / "view0_robot.png")
     (tmp_path / "view1.ply").write_bytes(make_ply())
     np.save(tmp_path / "view2.npy", scene.depth[2] * scene.depth_scale)
     read = strand.load_scene(tmp_path)

@@ -165,12 +165,17 @@ def make_single_files(folder: Path) -> None:
     Image.fromarray(np.round(sensed * 1e3).astype(np.uint16)).save(folder / "depth.png")
     Image.fromarray(sensed.astype(np.float32)).save(folder / "depth.tiff")
     Image.fromarray((255 * (alone > 0)).astype(np.uint8)).save(folder / "mask.png")
+    shades = np.where((alone > 0)[..., None], (200, 40, 40), (120, 120, 120)).astype(np.uint8)
+    Image.fromarray(shades).save(folder / "color.jpg")
+    Image.fromarray(np.zeros(alone.shape, dtype=np.uint8)).save(folder / "robot.png")
 
 
 def make_bags(folder: Path) -> None:
     """Make recordings: rope.mcap of one camera, rope.bag of three, and the folder rope of 41 frames."""
     table = [("table", "world", np.eye(4))]
     film_placed = [("/tf_static", START, Messages().tf(table, START)), *record_film(make_arc(), 2)]
+    shades = np.full((*make_arc().depth.shape[1:], 3), 120, dtype=np.uint8)
+    film_placed.append(("/camera/color/image_raw", START, Messages().color(shades, START)))
     write_bag(folder / "made", "mcap", film_placed).rename(folder / "rope.mcap")
     placed = [("/tf_static", START, Messages(True).tf(table, START)), *record_cameras(make_arc(), True)]
     write_bag(folder / "rope", "ros1", placed)
@@ -195,7 +200,7 @@ def make_recordings(folder: Path) -> None:
 FILES: dict[str, tuple[Callable[[Path], None], ...]] = {
     "README.md": (make_scene_folder, make_single_files),
     "docs/batch.md": (make_recordings,),
-    "docs/command-line.md": (make_scene_folder,),
+    "docs/command-line.md": (make_scene_folder, make_single_files),
     "docs/files.md": (make_single_files,),
     "docs/pictures.md": (make_scene_folder,),
     "docs/recordings.md": (make_bags,),
