@@ -12,7 +12,9 @@ from PIL import Image
 
 import strand
 from lib.bag_files import START, Messages, record_film, write_bag
+from shared import occluded
 from shared.batch_recordings import SETTINGS, save_scenes
+from shared.occluded import GRIPPER, make_view
 from strand.batch import Settings, find_units, load_models, load_table, make_rows, make_schema, write_summary
 from strand.batch.table import VARYING_COLUMN
 from strand.batch.work import ShardCounts, Work
@@ -78,6 +80,21 @@ def test_rows_hold_the_model_bit_for_bit(knot):
         assert {one["over_rope"] for one in row["crossings"]} <= {k}
         written += [(one["over_at"], one["under_rope"], one["probability"]) for one in row["crossings"]]
     assert sorted(written) == sorted((one.over[1], one.under[0], one.probability) for one in crossings)
+
+
+def test_rows_hold_labels_colours_and_hidden_ends(tmp_path):
+    image = make_view(GRIPPER, masked=True, colored=True).image
+    arrays = {
+        "depth": np.rint(1e4 * image.depth)[None].astype(np.uint16),
+        "mask": 7 * image.mask[None].astype(np.uint8),
+        "color": image.colors[None],
+        "occluders": image.occluders[None],
+    }
+    known = {"depth_scale": 1e-4, "K": occluded.K, "poses": image.pose[None], "radius": occluded.R}
+    np.savez(tmp_path / "held.npz", **arrays, **known)
+    (row,) = make_rows(only(tmp_path / "held.npz", Settings()), Settings()).to_pylist()
+    assert (row["label"], row["hidden_ends"]) == (7, [False, True])
+    np.testing.assert_allclose(np.multiply(255.0, row["color"]), (200.0, 40.0, 40.0), atol=6.0)
 
 
 def test_frames_of_a_recording_have_numbers_and_times(tmp_path):
