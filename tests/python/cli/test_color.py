@@ -87,7 +87,8 @@ def test_reconstruct_finds_ropes_in_a_colour_image(folder, capsys):
         MADE.scene.depth[0], MADE.scene.intrinsics, colors=MADE.color[0], depth_scale=MADE.scene.depth_scale
     )
     want = strand.reconstruct([view])
-    assert [chain["label"] for chain in model["chains"]] == [chain.label for chain in want.chains] == [1, 2]
+    assert {chain["label"] for chain in model["chains"]} == {1, 2}
+    assert [chain["label"] for chain in model["chains"]] == [chain.label for chain in want.chains]
     for chain, other in zip(model["chains"], want.chains, strict=True):
         np.testing.assert_array_equal(chain["points"], other.points)
         np.testing.assert_array_equal(chain["color"], other.color)
@@ -117,9 +118,9 @@ def test_the_colour_topic_of_a_recording_is_used_unless_it_is_turned_off(folder,
         ("/cam/rgb/image", START, made.color(MADE.color[0], START)),
     ]
     path = write_bag(folder / "bag", "mcap", entries)
-    for more, labels in (([], [1, 2]), (["--color-topic", "/cam/rgb/image"], [1, 2])):
+    for more in ([], ["--color-topic", "/cam/rgb/image"]):
         assert run("reconstruct", path, "--json", *more) == 0
-        assert [chain["label"] for chain in json.loads(capsys.readouterr().out)["chains"]] == labels
+        assert {chain["label"] for chain in json.loads(capsys.readouterr().out)["chains"]} == {1, 2}
     run("reconstruct", path, "--json", "--no-color")
     out = capsys.readouterr().out
     assert not out or all(chain["color"] is None for chain in json.loads(out)["chains"])
