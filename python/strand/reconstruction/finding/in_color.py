@@ -139,15 +139,3 @@ def match_labels(shown: Sequence[ShownInColor], images: Sequence[DepthImage]) ->
             labels[own] = number + 1
         matched.append(labels)
     return matched
-
-
-def _grow_labels(labels: NDArray[np.int32], growth: float) -> NDArray[np.int32]:
-    """Return labels that reach some pixels farther; between two labels, the nearer one does."""
-    grown = labels.copy()
-    if growth > 0.0:
-        nearest = np.full(labels.shape, growth, dtype=np.float32)
-        for label in np.unique(labels[labels > 0]):
-            away = _core.measure_edge_distances(np.asarray(labels != label), math.ceil(growth) + 1)
-            closer = (labels == 0) & (away <= nearest)
-            grown[closer], nearest[closer] = label, away[closer]
-    return grown
