@@ -398,6 +398,18 @@ def pictured(view: View, image: DepthImage) -> View:
     return View._build(None, image, view.pose, view.dropped, None)
 
 
+def seen_from(view: View, image: DepthImage) -> View:
+    """Return a view of points in the frame of an image from the same place, without the image."""
+    points = view.points @ (view.pose[:3, :3].T @ image.pose[:3, :3])
+    return View._build(points, None, image.pose.copy(), view.dropped, view.colors)
+
+
+def seen_in(view: View, image: DepthImage) -> View:
+    """Return a view of points in the frame of an image that shows them, with the image."""
+    moved_view = seen_from(view, image)
+    return View._build(moved_view.points, image, moved_view.pose, view.dropped, view.colors)
+
+
 def check_views(views: Sequence[View]) -> tuple[View, ...]:
     """Return views as a tuple after checking them.
 

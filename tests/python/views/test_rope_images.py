@@ -97,7 +97,9 @@ def test_points_alone_make_an_image_that_shows_them_to_a_pixel(from_world):
         rows, columns = np.rint(v).astype(int), np.rint(u).astype(int)
         near = np.zeros(image.mask.shape, dtype=bool)
         near[rows, columns] = True
-        assert np.array_equal(near, image.mask)
+        # holes between points are closed
+        assert image.mask[near].all()
+        assert np.count_nonzero(image.mask) < 1.1 * np.count_nonzero(near)
         # the nearest of the points in a pixel
         assert (image.depth[rows, columns] <= z + 1e-9).all()
         assert np.mean(np.abs(image.depth[rows, columns] - z) < 1e-9) > 0.7
