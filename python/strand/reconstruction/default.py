@@ -21,19 +21,28 @@ from strand.reconstruction.images.depth_scatter import SMALL_SCATTER, measure_de
 from strand.reconstruction.images.method import Interpretation, make_answer, read_images
 from strand.reconstruction.images.noisy_depth import read_noisy_depth
 from strand.reconstruction.mistakes.diagnosis import find_mistakes
+from strand.reconstruction.pictured import measure_shown_share, picture_clouds, turn_back
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.systematic import doubt_shared_errors
 from strand.reconstruction.tubes.method import find_chains as find_tubes
 from strand.reconstruction.tubes.view_bias import find_bias_doubts
 from strand.reconstruction.wide_surfaces import describe_surface
+from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
 
 _SURE_CONFIDENCE = 0.35  # more confident answers are not compared with others
-_MIN_CONFIDENCE = 0.1  # less confident tubes are compared with readings where errors are correlated
+_MIN_CONFIDENCE = 0.1  # less confident tubes are compared with readings
 _MAX_SCATTER = 0.55  # radii: where depths scatter more, points alone show no tubes
 _MISREAD_EXCESS = 0.2  # radii: readings with this much more noise than depths scatter are wrong
 _SMALL_NOISE = 0.25  # radii: with less noise than this in a reading, tubes are tried too
 _MIN_WARNED = 0.1  # smaller doubts have no warning
+_MAX_LOST = 0.05  # share of the points that tubes show and readings may not
+_NOTHING_AROUND = Doubt(
+    "end",
+    0.2,
+    "where the ropes end",
+    "the points show nothing around the ropes, which may go on unseen",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,10 +112,73 @@ def _find_in_used_views(observed: Observed, config: Config, run: Run) -> Found:
         surface = describe_surface(observed.views, float(observed.radii.values.max()))
         if surface:
             raise NotEnoughDataError(f"views: {surface}")
-        return find_tubes(observed, config, run)
+        given = not (observed.radii.free or observed.radii.held)
+        if given or config.linking.rings == "always":
+            return find_tubes(observed, config, run)
+        return _try_radii_alone(observed, config, run)
     if any(observed.masked):
         return _try_images_first(add_masks(observed), config, run)
+    if not any(view.image for view in observed.whole):
+        return _find_in_clouds(observed, config, run)
     return _try_tubes_first(observed, config, run)
+
+
+def _find_in_clouds(observed: Observed, config: Config, run: Run) -> Found:
+    """Find chains in views of points alone: by tubes, then in images made of the points."""
+    tubes = None
+    if not observed.pictures:
+        surface = describe_surface(observed.views, observed.radius)
+        if surface:
+            raise NotEnoughDataError(f"views: {surface}")
+        tubes = _try_tubes(observed, config, run)
+        if tubes is not None and tubes.sure and tubes.independent:
+            return tubes.take(run)
+        if tubes is not None and run.skips("readings of images made of points"):
+            return tubes.take(run)
+    pictured, measured = picture_clouds(observed)
+    if tubes is not None and not measured and tubes.confidence >= _MIN_CONFIDENCE:
+        return tubes.take(run)
+    own = run.fork()
+    try:
+        found = _try_images_first(pictured, config, own, tubes)
+    except NotEnoughDataError:
+        if tubes is None:
+            raise
+        return tubes.take(run)
+    if tubes is not None and found is not tubes.found:
+        # without surroundings, images do not show that a gap hides rope
+        shown = measure_shown_share(observed, tubes.found.chains)
+        lost = shown - measure_shown_share(pictured, found.chains) > _MAX_LOST
+        if lost or (not measured and tubes.confidence > compute_confidence(found.doubts or ())):
+            return tubes.take(run)
+    if found.branch == "images":
+        found = turn_back(found, pictured, observed)
+        if not observed.pictures:
+            found = replace(found, doubts=(*(found.doubts or ()), _NOTHING_AROUND))
+    return _Attempt(found, own).take(run)
+
+
+def _try_radii_alone(observed: Observed, config: Config, run: Run) -> Found:
+    """Return the tubes of several estimated radii, or if these are unsure, the surest answer of one radius.
+
+    Noise makes estimates of one radius several.
+    """
+    tubes = _try_tubes(observed, config, run)
+    if tubes is not None and (
+        tubes.confidence >= _MIN_CONFIDENCE or run.skips("readings at each radius alone")
+    ):
+        return tubes.take(run)
+    attempts = [] if tubes is None else [tubes]
+    for number in range(len(observed.radii.values)):
+        own = run.fork()
+        alone = replace(observed, radii=replace(observed.radii.select([number]), free=False, held=True))
+        try:
+            attempts.append(_Attempt(_find_in_used_views(alone, config, own), own))
+        except NotEnoughDataError:
+            continue
+    if not attempts:
+        raise NotEnoughDataError("views: the points make no rope; is the radius right, in metres?")
+    return max(attempts, key=lambda attempt: attempt.confidence).take(run)
 
 
 def _add_poses(found: Found, used: Observed, observed: Observed) -> Found:
@@ -152,6 +224,7 @@ def _try_tubes_first(observed: Observed, config: Config, run: Run) -> Found:
         return tubes.take(run)
     if tubes is not None:
         misread = reading.neighbor_correlation <= MIN_CORRELATION and _is_misread(reading, scatter)
+        misread = misread and tubes.confidence >= _MIN_CONFIDENCE
         if misread or run.skips("the comparison with readings of the images"):
             return tubes.take(run)
         return _take_better(reading, tubes, observed, config, run)
@@ -170,7 +243,7 @@ def _suffice(tubes: _Attempt, scatter: float, radius: float, has_images: bool) -
     if not (scatter < SMALL_SCATTER or tubes.sure):
         return False
     # correlated errors scatter little, and tubes fall to pieces
-    return not has_images or tubes.independent or tubes.confidence >= _MIN_CONFIDENCE
+    return (has_images and tubes.independent) or tubes.confidence >= _MIN_CONFIDENCE
 
 
 def _compare_with_noisy_depth(
@@ -196,11 +269,12 @@ def _is_misread(reading: Interpretation, scatter: float) -> bool:
     return reading.explanations[0].fit.noise > scatter + _MISREAD_EXCESS
 
 
-def _try_images_first(observed: Observed, config: Config, run: Run) -> Found:
+def _try_images_first(observed: Observed, config: Config, run: Run, tubes: _Attempt | None = None) -> Found:
+    """Return the answer of readings of masked images or of tubes, which may be known."""
     try:
         reading = read_images(observed, config, run)
     except NotEnoughDataError:
-        return find_tubes(observed, config, run)
+        return find_tubes(observed, config, run) if tubes is None else tubes.take(run)
     own = run.fork()
     images = _Attempt(make_answer(reading, observed, config, own), own)
     noisy = reading.explanations[0].fit.noise > _SMALL_NOISE
@@ -210,7 +284,7 @@ def _try_images_first(observed: Observed, config: Config, run: Run) -> Found:
         or run.skips("tubes in the points")
     ):
         return images.take(run)
-    tubes = _try_tubes(observed, config, run)
+    tubes = _try_tubes(observed, config, run) if tubes is None else tubes
     if tubes is not None and not noisy and tubes.independent and tubes.confidence >= images.confidence:
         return tubes.take(run)
     if run.skips("the comparison with tubes in the points"):

@@ -28,6 +28,7 @@ from strand.ropes.doubt import Doubt
 from strand.ropes.model import Model
 from strand.support.checks import round_to_millimeters
 from strand.views.box import Box
+from strand.views.depth_image import DepthImage
 from strand.views.extract import Extract
 from strand.views.rope_images import make_rope_images
 from strand.views.view import cropped
@@ -99,7 +100,7 @@ def observe(extract: Extract, hints: Hints, run: Run) -> Scene:
         If no view shows a rope.
     """
     published, radii = hints.config.method == "published", hints.radii
-    found = None if published else _find_ropes_among_things(extract, radii, run)
+    found, pictures = (None, {}) if published else _find_ropes_among_things(extract, radii, run)
     if found is not None:
         ropes = found.views if extract.bounds is None else cropped(found.views, extract.bounds)
         # the points of other things show free space; images show it outside their masks
@@ -136,6 +137,7 @@ def observe(extract: Extract, hints: Hints, run: Run) -> Scene:
         extract.bounds,
         radii,
         hints.prior,
+        pictures=pictures,
     )
     doubts = [mask.doubt for mask in misplaced]
     if found is not None and found.by_color:
@@ -145,20 +147,26 @@ def observe(extract: Extract, hints: Hints, run: Run) -> Scene:
     return Scene(extract, observed, () if found is None else found.tables, doubts)
 
 
-def _find_ropes_among_things(extract: Extract, radii: Radii | None, run: Run) -> FoundRopes | None:
-    """Find ropes on a table, if the views have no masks and their extraction range holds a table."""
+def _find_ropes_among_things(
+    extract: Extract, radii: Radii | None, run: Run
+) -> tuple[FoundRopes | None, dict[int, DepthImage]]:
+    """Find ropes on a table, if the views have no masks and their extraction range holds a table.
+
+    Also return images made of views of points, with a mask of the ropes, by the number of the view.
+    """
     if any(view.mask is not None for view in extract.whole):
-        return None
+        return None, {}
     sizes = None if radii is None else radii.values
     if extract.bounds is not None and not _holds_clear_table(extract, find_thinnest(radii)):
         # colour may show ropes that are as low as the noise
         if not _has_colors(extract) or not holds_table(extract):
-            return None
+            return None, {}
         with run.stage("find"):
-            return segment_by_color(extract, sizes)
+            return segment_by_color(extract, sizes), {}
+    pictures: dict[int, DepthImage] = {}
     with run.stage("find"):
         try:
-            found = segment_in_all(extract, sizes)
+            found, pictures = segment_in_all(extract, sizes)
         except NoRopeError as error:
             # strands side by side look like one thing that is wide
             if radii is None or not error.low_things:
@@ -173,7 +181,7 @@ def _find_ropes_among_things(extract: Extract, radii: Radii | None, run: Run) ->
             f"the first at {round_to_millimeters(first.place)}: {first.reason}"
         )
         run.warn("thing", message, first.place, view=first.view)
-    return found
+    return found, pictures
 
 
 def _has_colors(extract: Extract) -> bool:

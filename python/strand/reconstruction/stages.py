@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -101,6 +101,8 @@ class Observed:
     prior : Prior
     middle : int or None
         The number of the view whose pose is held, or of one near it; None: the middle one.
+    pictures : mapping of int to DepthImage
+        Images made of clouds on a table, with a mask of their ropes, by the number of the view.
     """
 
     views: Sequence[View]
@@ -110,6 +112,7 @@ class Observed:
     radii: Radii
     prior: Prior
     middle: int | None = None
+    pictures: Mapping[int, DepthImage] = field(default_factory=dict)
 
     @property
     def radius(self) -> float:

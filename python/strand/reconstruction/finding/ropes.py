@@ -116,11 +116,17 @@ def find_ropes(
     >>> model = strand.reconstruct(found.views, found.radius)
     """
     extract = extract_views(views, None if bounds is None else make_box(bounds))
-    return segment_in_all(extract, None if radius is None else Radii.from_caller(radius).values)
+    found, _ = segment_in_all(extract, None if radius is None else Radii.from_caller(radius).values)
+    return found
 
 
-def segment_in_all(extract: Extract, radii: Array | None) -> FoundRopes:
-    """Segment ropes of (K,) radii, metres, by colour where it shows them, else by height."""
+def segment_in_all(
+    extract: Extract, radii: Array | None
+) -> tuple[FoundRopes, dict[int, DepthImage]]:
+    """Segment ropes of (K,) radii, metres, by colour where it shows them, else by height.
+
+    Also return images made of views of points, as `segment_views` does.
+    """
     shown = _find_in_colors(extract)
     if shown is None:
         return segment_views(extract, radii)
@@ -128,7 +134,7 @@ def segment_in_all(extract: Extract, radii: Array | None) -> FoundRopes:
     if not any(one.mask.any() for one in shown):
         reasons = "; ".join(dict.fromkeys(one.why for one in shown))
         try:
-            by_height = segment_views(extract, radii)
+            by_height, pictures = segment_views(extract, radii)
         except NoRopeError as error:
             raise NoRopeError(f"{error}; colours show none either: {reasons}", error.low_things) from None
         unclear = by_height.radius is not None and (
@@ -136,29 +142,29 @@ def segment_in_all(extract: Extract, radii: Array | None) -> FoundRopes:
         )
         if unclear:
             raise NoRopeError(f"views: depth resolves no rope on the table, and colours show none: {reasons}")
-        return by_height
+        return by_height, pictures
     by_color = _take_colors(extract, shown, radii)
     shaded = any(one.shaded for one in shown)
     if not shaded and (by_color.by_color or not any(one.missed for one in shown)):
-        return by_color
+        return by_color, {}
     try:
-        by_height = segment_views(extract, radii)
+        by_height, pictures = segment_views(extract, radii)
     except NoRopeError:
-        return replace(by_color, by_color=True)
+        return replace(by_color, by_color=True), {}
     if by_height.radius is None:
-        return by_color
+        return by_color, {}
     if shaded:
         # shadows beside ropes are as thin as these; a rope's height tells them apart
         resolved = _is_resolved(scatter, by_height.radius, radii)
-        return by_height if resolved else replace(by_color, by_color=True)
+        return (by_height, pictures) if resolved else (replace(by_color, by_color=True), {})
     radius = float(by_color.radius or 0.0)
     for high, colored in zip(by_height.views, by_color.views, strict=True):
         if high.image is not None and high.mask is not None and colored.mask is not None:
             near = _core.measure_edge_distances(np.asarray(~colored.mask), _BESIDE + 1) <= _BESIDE
             missed = replace(high.image, labels=high.mask & ~near)
             if measure_strip_lengths(missed, radius).max(initial=0.0) > _MIN_MISSED * radius:
-                return by_height
-    return by_color
+                return by_height, pictures
+    return by_color, {}
 
 
 def segment_by_color(extract: Extract, radii: Array | None) -> FoundRopes | None:
@@ -209,8 +215,11 @@ def _take_colors(extract: Extract, shown: Sequence[ShownInColor], radii: Array |
     return FoundRopes(views, radius, tuple(one.plane for one in shown), (), by_color=not resolved)
 
 
-def segment_views(extract: Extract, radii: Array | None) -> FoundRopes:
-    """Segment ropes of (K,) radii, metres, as `find_ropes` does."""
+def segment_views(extract: Extract, radii: Array | None) -> tuple[FoundRopes, dict[int, DepthImage]]:
+    """Segment ropes of (K,) radii, metres, as `find_ropes` does.
+
+    Also return images made of views without one, with a mask of the ropes, by the number of the view.
+    """
     tops = {
         k: top
         for k, image in enumerate(extract.whole_images)
@@ -219,7 +228,7 @@ def segment_views(extract: Extract, radii: Array | None) -> FoundRopes:
     found = list(extract.whole)
     tables: list[Plane | None] = [None] * len(found)
     if not tops:
-        return FoundRopes(extract.whole, None, tuple(tables), ())
+        return FoundRopes(extract.whole, None, tuple(tables), ()), {}
     width = estimate_strip_radius(
         [replace(top.image, labels=top.image.mask & top.inside) for top in tops.values()]
     )
@@ -238,7 +247,8 @@ def segment_views(extract: Extract, radii: Array | None) -> FoundRopes:
     if longest < _MIN_LENGTH * own or not any(len(found[k].points) for k in tops):
         low_things = any(_measure_area(image) > 2.0 * _MIN_LENGTH * thin**2 for image in shown)
         raise NoRopeError(f"views: {_explain_none(others, longest, own, extract.bounds)}", low_things)
-    return FoundRopes(tuple(found), width, tuple(tables), tuple(others))
+    pictures = {k: image for k, image in zip(tops, shown, strict=True) if extract.whole[k].image is None}
+    return FoundRopes(tuple(found), width, tuple(tables), tuple(others)), pictures
 
 
 def _measure_area(image: DepthImage) -> float:

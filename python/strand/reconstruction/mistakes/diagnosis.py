@@ -106,7 +106,7 @@ def _explain_radius(extract: Extract, radii: Radii) -> str | None:
         apparent = guess_radius([view for view in extract.inside if len(view.points)])
     else:
         try:
-            apparent = segment_views(extract, None).radius
+            apparent = segment_views(extract, None)[0].radius
         except NotEnoughDataError:
             apparent = None
     if apparent is None:

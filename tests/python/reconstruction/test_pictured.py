@@ -1,0 +1,79 @@
+"""Clouds as images: answers from points alone, without an image or a mask."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import strand
+from strand.synthetic import Camera, scene
+
+FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def is_right(model, truth, radius):
+    """Whether each chain runs along a rope, and each rope along a chain, within 3 radii."""
+    chains = [chain.points for chain in model.chains]
+    return len(chains) == len(truth) and all(
+        min(max(spread(chain, rope), spread(rope, chain)) for chain in chains) < 3.0 * radius
+        for rope in truth
+    )
+
+
+def spread(points, others):
+    """The greatest distance of points from others."""
+    return np.linalg.norm(points[:, None] - others[None], axis=2).min(axis=1).max()
+
+
+@pytest.fixture(scope="module")
+def stereo():
+    """A crossed rope in the depth of a stereo camera, whose neighbouring pixels share errors."""
+    return scene("figure8", seed=11, views=1, camera=Camera("zed", size=(640, 480)))
+
+
+def as_it_is(view):
+    return strand.View(view.points, view.pose)
+
+
+def from_world(view):
+    return strand.View.from_world(view.world_points, view.viewpoint)
+
+
+def in_opengl_axes(view):
+    return strand.View(view.points * [1.0, -1.0, -1.0], view.pose @ FLIP)
+
+
+def thinned(view):
+    order = np.random.default_rng(3).permutation(len(view.points))
+    return strand.View(view.points[order[: int(0.7 * len(order))]], view.pose)
+
+
+@pytest.mark.parametrize("make", [as_it_is, from_world, in_opengl_axes, thinned])
+def test_points_alone_of_a_stereo_camera_are_read_as_an_image(stereo, make):
+    view = make(stereo.views[0])
+    model = strand.reconstruct([view], stereo.radius)
+    assert model.branch == "images"
+    assert is_right(model, stereo.truth, stereo.radius)
+    # points show nothing around the ropes
+    assert model.confidence < 0.9
+    assert model.poses[0][:3, :3] == pytest.approx(view.pose[:3, :3], abs=0.02)
+    assert model.poses[0][:3, 3] == pytest.approx(view.viewpoint, abs=0.01)
+
+
+def test_tubes_answer_where_errors_are_independent():
+    made = scene("loop", seed=1, views=3)
+    views = [strand.View(view.crop(made.bounds).points, view.pose) for view in made.views]
+    model = strand.reconstruct(views, made.radius)
+    assert model.branch == "tubes"
+    assert is_right(model, made.truth, made.radius)
+
+
+def test_a_cloud_with_its_table_gives_the_answer_of_its_image():
+    made = strand.synthetic.cluttered_scene(4)
+    views = made.views[:1]
+    image = strand.reconstruct(views)
+    points = strand.reconstruct([strand.View(view.points, view.pose) for view in views])
+    assert len(points.chains) == len(image.chains)
+    for chain, other in zip(points.chains, image.chains, strict=True):
+        assert chain.length == pytest.approx(other.length, rel=0.01)
+    assert points.confidence == pytest.approx(image.confidence, abs=0.1)
