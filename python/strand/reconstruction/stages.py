@@ -103,6 +103,8 @@ class Observed:
         The number of the view whose pose is held, or of one near it; None: the middle one.
     pictures : mapping of int to DepthImage
         Images made of clouds on a table, with a mask of their ropes, by the number of the view.
+    support : (normal, offset) or None
+        The plane that flat ropes seem to lie on, if views show ropes alone: normal @ x = offset, metres.
     """
 
     views: Sequence[View]
@@ -113,6 +115,7 @@ class Observed:
     prior: Prior
     middle: int | None = None
     pictures: Mapping[int, DepthImage] = field(default_factory=dict)
+    support: tuple[Array, float] | None = None
 
     @property
     def radius(self) -> float:

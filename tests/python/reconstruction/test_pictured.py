@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import strand
+from strand.reconstruction.pictured import find_support
 from strand.synthetic import Camera, scene
 
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -77,3 +78,19 @@ def test_a_cloud_with_its_table_gives_the_answer_of_its_image():
     for chain, other in zip(points.chains, image.chains, strict=True):
         assert chain.length == pytest.approx(other.length, rel=0.01)
     assert points.confidence == pytest.approx(image.confidence, abs=0.1)
+
+
+def test_flat_ropes_alone_show_the_table_that_they_lie_on(stereo):
+    view = as_it_is(stereo.views[0])
+    normal, offset = find_support(view, stereo.radius)
+    assert normal @ [0.0, 0.0, 1.0] > 0.99
+    middle = np.append(np.mean(stereo.truth[0][:, :2], axis=0), 0.0)
+    assert normal @ middle == pytest.approx(offset, abs=stereo.radius)
+
+
+def test_a_rope_that_rises_shows_no_table():
+    angle = np.linspace(0.0, 6.0, 2000)
+    rising = np.column_stack([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0.6 + 0.03 * angle**2 / 6.0])
+    assert find_support(strand.View(rising), 0.004) is None
+    line = np.column_stack([angle / 20.0, np.zeros(2000), np.full(2000, 0.6)])
+    assert find_support(strand.View(line), 0.004) is None

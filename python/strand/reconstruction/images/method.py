@@ -108,6 +108,8 @@ def read_images(observed: Observed, config: Config, run: Run) -> Interpretation:
     with run.stage("images"):
         given = observed.images
         table = find_table_beside_ropes(given[held], radius)
+        if table is None and observed.support is not None:
+            table = Plane(*observed.support)
         if not any(observed.masked):
             given = mask_above_table(given, table, observed.bounds, radius)
         try:
