@@ -21,14 +21,16 @@ from strand.reconstruction.images.depth_scatter import SMALL_SCATTER, measure_de
 from strand.reconstruction.images.method import Interpretation, make_answer, read_images
 from strand.reconstruction.images.noisy_depth import read_noisy_depth
 from strand.reconstruction.mistakes.diagnosis import find_mistakes
-from strand.reconstruction.pictured import measure_shown_share, picture_clouds, turn_back
+from strand.reconstruction.pictured import differ_in_gaps, measure_shown_share, picture_clouds, turn_back
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.systematic import doubt_shared_errors
 from strand.reconstruction.tubes.method import find_chains as find_tubes
+from strand.reconstruction.tubes.tube_doubts import doubt_stray_points
 from strand.reconstruction.tubes.view_bias import find_bias_doubts
 from strand.reconstruction.wide_surfaces import describe_surface
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
+from strand.views.view import View
 
 _SURE_CONFIDENCE = 0.35  # more confident answers are not compared with others
 _MIN_CONFIDENCE = 0.1  # less confident tubes are compared with readings
@@ -37,6 +39,7 @@ _MISREAD_EXCESS = 0.2  # radii: readings with this much more noise than depths s
 _SMALL_NOISE = 0.25  # radii: with less noise than this in a reading, tubes are tried too
 _MIN_WARNED = 0.1  # smaller doubts have no warning
 _MAX_LOST = 0.05  # share of the points that tubes show and readings may not
+_DEVIATIONS = 2.0  # standard deviations of the noise: points on a rope are this near its side
 _NOTHING_AROUND = Doubt(
     "end",
     0.2,
@@ -64,6 +67,10 @@ class _Attempt:
     def independent(self) -> bool:
         """Whether the errors of neighboring pixels seem independent."""
         return self.found.sensor is None or not self.found.sensor.correlation
+
+    @property
+    def branched(self) -> bool:
+        return any(warning.kind == "branch" for warning in self.run.warnings)
 
     def take(self, run: Run) -> Found:
         """Return the answer, and add its warnings to a run."""
@@ -136,7 +143,9 @@ def _find_in_clouds(observed: Observed, config: Config, run: Run) -> Found:
         if tubes is not None and run.skips("readings of images made of points"):
             return tubes.take(run)
     pictured, measured = picture_clouds(observed)
-    if tubes is not None and not measured and tubes.confidence >= _MIN_CONFIDENCE:
+    if tubes is not None and not measured and (tubes.confidence >= _MIN_CONFIDENCE or tubes.branched):
+        return tubes.take(run)
+    if tubes is not None and _are_joined_by_colors(tubes, observed, config, run):
         return tubes.take(run)
     own = run.fork()
     try:
@@ -145,17 +154,46 @@ def _find_in_clouds(observed: Observed, config: Config, run: Run) -> Found:
         if tubes is None:
             raise
         return tubes.take(run)
-    if tubes is not None and found is not tubes.found:
-        # without surroundings, images do not show that a gap hides rope
-        shown = measure_shown_share(observed, tubes.found.chains)
-        lost = shown - measure_shown_share(pictured, found.chains) > _MAX_LOST
-        if lost or (not measured and tubes.confidence > compute_confidence(found.doubts or ())):
+    images = _Attempt(found, own)
+    if tubes is not None:
+        if found is not tubes.found and _are_better_than_images(tubes, images, measured, observed, pictured):
             return tubes.take(run)
+    elif not (measured or observed.pictures or images.sure):
+        raise NotEnoughDataError("views: the points make no rope; is the radius right, in metres?")
     if found.branch == "images":
         found = turn_back(found, pictured, observed)
         if not observed.pictures:
-            found = replace(found, doubts=(*(found.doubts or ()), _NOTHING_AROUND))
+            stray = doubt_stray_points(measure_shown_share(observed, found, _DEVIATIONS))
+            if stray.amount > _MIN_WARNED:
+                own.warn(stray.kind, str(stray), amount=stray.amount)
+            doubts = [doubt for doubt in (_NOTHING_AROUND, stray) if doubt.amount > MIN_DOUBT]
+            found = replace(found, doubts=(*(found.doubts or ()), *doubts))
     return _Attempt(found, own).take(run)
+
+
+def _are_joined_by_colors(tubes: _Attempt, observed: Observed, config: Config, run: Run) -> bool:
+    """Tell whether tubes run otherwise without the colours of points, which images do not show."""
+    if all(view.colors is None for view in observed.views):
+        return False
+    views = [View(view.points, view.pose) for view in observed.views]
+    plain = _try_tubes(replace(observed, views=views), config, run)
+    return plain is None or not _have_same_chains(tubes.found, plain.found, observed.radius)
+
+
+def _are_better_than_images(
+    tubes: _Attempt, images: _Attempt, measured: bool, observed: Observed, pictured: Observed
+) -> bool:
+    """Tell whether tubes are better than images made of points, in the pixels of a camera or in others."""
+    # tubes follow ropes more closely where both agree
+    if tubes.confidence > images.confidence and (
+        not measured or _have_same_chains(tubes.found, images.found, observed.radius)
+    ):
+        return True
+    # without surroundings, images do not show whether a gap hides rope
+    if tubes.independent and differ_in_gaps(observed, tubes.found, images.found):
+        return True
+    lost = measure_shown_share(observed, tubes.found) - measure_shown_share(pictured, images.found)
+    return lost > _MAX_LOST
 
 
 def _try_radii_alone(observed: Observed, config: Config, run: Run) -> Found:
@@ -331,3 +369,8 @@ def _take_better(
 
 def _have_same_courses(some: list[Array], others: list[Array], radius: float) -> bool:
     return have_same_courses([(nodes, False) for nodes in some], [(nodes, False) for nodes in others], radius)
+
+
+def _have_same_chains(some: Found, others: Found, radius: float) -> bool:
+    courses = [[(chain.points, chain.closed) for chain in found.chains] for found in (some, others)]
+    return have_same_courses(courses[0], courses[1], radius)

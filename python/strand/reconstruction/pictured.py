@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from strand.reconstruction.images.image_nodes import iterate_squared_distances
 from strand.reconstruction.stages import Found, Observed
-from strand.ropes.chain import Chain
 from strand.support.checks import Array
 from strand.support.robust import estimate_deviation
 from strand.views.cloud_images import draw_ropes
@@ -17,6 +16,8 @@ from strand.views.view import View, seen_from, seen_in
 
 _MAX_POINTS = 1000  # points that are compared with chains
 _REACH = 3.0  # radii: points this near a chain's nodes are shown by it
+_ASIDE = 1.5  # radii: answers run apart where nodes of one are this far from the other's
+_MIN_REACH = 1.5  # radii: points this near lie on a rope whatever the noise
 _ROUNDS = 4  # fits of a plane to ropes
 _DEVIATIONS = 2.5  # standard deviations of the heights: farther points are not on the plane
 _MIN_POINTS = 30  # points on the plane
@@ -43,14 +44,41 @@ def picture_clouds(observed: Observed) -> tuple[Observed, bool]:
     return replace(observed, views=views, whole=whole, support=support), all_measured
 
 
-def measure_shown_share(observed: Observed, chains: Sequence[Chain]) -> float:
-    """Return the share of the points that lie near chains."""
+def measure_shown_share(observed: Observed, found: Found, deviations: float | None = None) -> float:
+    """Return the share of the points that an answer shows.
+
+    These lie near chains, or within so many standard deviations of the noise from the side of a rope.
+    """
+    nodes = np.vstack([chain.points for chain in found.chains])
+    radius = max(chain.radius for chain in found.chains)
+    reach = _REACH * radius
+    if deviations is not None and found.sensor is not None:
+        reach = max(radius + deviations * found.sensor.sd, _MIN_REACH * radius)
+    return float(_lie_near(_select_points(observed), nodes, reach).mean())
+
+
+def differ_in_gaps(observed: Observed, found: Found, other: Found) -> bool:
+    """Tell whether two answers run apart mostly where there are no points."""
+    radius = max(chain.radius for chain in found.chains)
+    some, others = (np.vstack([chain.points for chain in one.chains]) for one in (found, other))
+    aside = [~_lie_near(some, others, _ASIDE * radius), ~_lie_near(others, some, _ASIDE * radius)]
+    nodes = np.vstack([some[aside[0]], others[aside[1]]])
+    if not len(nodes):
+        return False
+    empty = ~_lie_near(nodes, _select_points(observed), _REACH * radius)
+    return bool(empty.mean() > 0.5)
+
+
+def _select_points(observed: Observed) -> Array:
+    """Return (N, 3) some of the points of all views, world frame."""
     points = np.vstack([view.world_points for view in observed.views])
-    points = points[:: max(len(points) // _MAX_POINTS, 1)]
-    nodes = np.vstack([chain.points for chain in chains])
-    reach = _REACH * max(chain.radius for chain in chains)
-    near = [squares.min(axis=1) < reach**2 for _, squares in iterate_squared_distances(points, nodes)]
-    return float(np.concatenate(near).mean())
+    return points[:: max(len(points) // _MAX_POINTS, 1)]
+
+
+def _lie_near(points: Array, others: Array, reach: float) -> NDArray[np.bool_]:
+    """Tell for each point (N, 3) whether one of the others (M, 3) is within reach, metres."""
+    near = [squares.min(axis=1) < reach**2 for _, squares in iterate_squared_distances(points, others)]
+    return np.concatenate(near)
 
 
 def find_support(view: View, radius: float) -> tuple[Array, float] | None:

@@ -20,7 +20,7 @@ _MARGIN = 8  # pixels around the points of an image
 _MIN_OWN_PIXELS = 0.75  # share of the points that should have a pixel of their own, without a grid
 _MAX_SIZE = 1500  # largest side of an image without a grid, pixels
 _AROUND = 0.3  # of the extent of ropes: the surroundings that are drawn too
-_MOSTLY_ROPES = 0.8  # share of a cloud's points: with more in the ropes it shows ropes alone
+_MOSTLY_ROPES = 0.8  # share of the points around ropes: with more in the ropes a cloud shows ropes alone
 _CLOSING = 1.0  # pixels: radius of the disc that closes holes of a mask without many
 _MIN_DENSITY = 0.2  # share of pixels with depth beside others with depth: sparser masks are not closed more
 
@@ -42,8 +42,9 @@ def draw_ropes(ropes: View, whole: View) -> tuple[DepthImage, bool]:
     whole : View
     """
     points, grid = ropes.points, find_pixel_grid(ropes.points)
-    alone = len(points) > _MOSTLY_ROPES * len(whole.points)
-    image = _draw(ropes, points if alone else _select_around(whole.points, points), grid)
+    around = _select_around(whole.points, points)
+    alone = len(points) > _MOSTLY_ROPES * len(around)
+    image = _draw(ropes, points if alone else around, grid)
     mask = find_mask(ropes, image)
     return replace(image, labels=close_holes(mask) if alone else mask), grid is not None
 

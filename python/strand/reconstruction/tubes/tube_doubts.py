@@ -57,15 +57,19 @@ def find_tube_doubts(
     for scored in filter(None, by_class):
         found += _doubt_decision(scored)
     found += _doubt_ends(parts, fit, visibility)
-    share = float(fit.inlier.mean())
+    found.append(doubt_stray_points(float(fit.inlier.mean())))
+    found = [doubt for doubt in found if doubt.amount > MIN_DOUBT]
+    return tuple(sorted(found, key=lambda doubt: -doubt.amount))
+
+
+def doubt_stray_points(share: float) -> Doubt:
+    """Return the doubt of an answer on whose ropes a share of the points lies."""
     reason = (
         f"only {share:.0%} of the points lie on the ropes found; is the radius right, and do bounds exclude "
         "everything else?"
     )
     amount = _STRAY_POINTS * max(_USUAL_SHARE - share, 0.0)
-    found.append(Doubt("points", amount, "of the ropes found", reason))
-    found = [doubt for doubt in found if doubt.amount > MIN_DOUBT]
-    return tuple(sorted(found, key=lambda doubt: -doubt.amount))
+    return Doubt("points", amount, "of the ropes found", reason)
 
 
 def _doubt_join(join: Join) -> Doubt:
