@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import strand
-from strand.reconstruction.pictured import find_support
+from strand.reconstruction.pictured import differ_in_gaps, find_support
 from strand.synthetic import Camera, scene
 
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -94,3 +96,34 @@ def test_a_rope_that_rises_shows_no_table():
     assert find_support(strand.View(rising), 0.004) is None
     line = np.column_stack([angle / 20.0, np.zeros(2000), np.full(2000, 0.6)])
     assert find_support(strand.View(line), 0.004) is None
+
+
+def test_answers_differ_in_gaps_where_there_are_no_points():
+    x = np.linspace(-0.1, 0.1, 401)
+    straight, bent = (np.column_stack([x, 0.0 * x, 0.0 * x + 0.6]) for _ in range(2))
+    bent[:, 1] = 0.03 * np.cos(np.clip(x / 0.05, -1.0, 1.0) * np.pi / 2.0)
+    some, other = (SimpleNamespace(chains=[strand.Chain(nodes, 0.004)]) for nodes in (straight, bent))
+    ends = SimpleNamespace(views=[strand.View(straight[np.abs(x) > 0.05])])
+    whole = SimpleNamespace(views=[strand.View(np.vstack([straight, bent]))])
+    assert differ_in_gaps(ends, some, other)
+    assert not differ_in_gaps(whole, some, other)
+    assert not differ_in_gaps(ends, some, some)
+
+
+def test_points_on_no_rope_are_doubted_in_images_of_points(stereo):
+    view, camera = as_it_is(stereo.views[0]), stereo.views[0].image.camera
+    distances = np.linalg.norm(view.world_points - stereo.truth[0][300], axis=1)
+    middle = view.points[distances.argmin()]
+    rows, columns = (places.ravel() for places in np.mgrid[:480, :640])
+    disc = camera.lift(rows, columns, np.full(len(rows), middle[2]))
+    taken = np.zeros((480, 640), dtype=bool)
+    own_columns, own_rows = np.rint(camera.project(view.points)).astype(int).T
+    taken[own_rows, own_columns] = True
+    disc = disc[(np.linalg.norm(disc - middle, axis=1) < 5.0 * stereo.radius) & ~taken.ravel()]
+    plain = strand.reconstruct([view], stereo.radius)
+    model = strand.reconstruct([strand.View(np.vstack([view.points, disc]), view.pose)], stereo.radius)
+    assert plain.branch == model.branch == "images"
+    assert model.confidence < 0.5 * plain.confidence
+    kinds = [[doubt.kind for doubt in one.doubts] for one in (plain, model)]
+    assert "points" not in kinds[0]
+    assert "points" in kinds[1]
