@@ -21,7 +21,13 @@ from strand.reconstruction.images.depth_scatter import SMALL_SCATTER, measure_de
 from strand.reconstruction.images.method import Interpretation, make_answer, read_images
 from strand.reconstruction.images.noisy_depth import read_noisy_depth
 from strand.reconstruction.mistakes.diagnosis import find_mistakes
-from strand.reconstruction.pictured import differ_in_gaps, measure_shown_share, picture_clouds, turn_back
+from strand.reconstruction.pictured import (
+    differ_in_gaps,
+    measure_shown_share,
+    picture_clouds,
+    show_surface,
+    turn_back,
+)
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.systematic import doubt_shared_errors
 from strand.reconstruction.tubes.method import find_chains as find_tubes
@@ -158,7 +164,9 @@ def _find_in_clouds(observed: Observed, config: Config, run: Run) -> Found:
     if tubes is not None:
         if found is not tubes.found and _are_better_than_images(tubes, images, measured, observed, pictured):
             return tubes.take(run)
-    elif not (measured or observed.pictures or images.sure):
+    elif not (
+        measured or observed.pictures or (images.sure and show_surface(observed.views, observed.radius))
+    ):
         raise NotEnoughDataError("views: the points make no rope; is the radius right, in metres?")
     if found.branch == "images":
         found = turn_back(found, pictured, observed)

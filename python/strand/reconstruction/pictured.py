@@ -14,6 +14,9 @@ from strand.support.robust import estimate_deviation
 from strand.views.cloud_images import draw_ropes
 from strand.views.view import View, seen_from, seen_in
 
+_SAMPLES = 50  # points whose surroundings are looked at
+_AROUND = 3.0  # radii of these surroundings
+_MIN_ACROSS = 0.1  # radii: standard deviation of points across a rope that show its surface
 _MAX_POINTS = 1000  # points that are compared with chains
 _REACH = 3.0  # radii: points this near a chain's nodes are shown by it
 _ASIDE = 1.5  # radii: answers run apart where nodes of one are this far from the other's
@@ -79,6 +82,17 @@ def _lie_near(points: Array, others: Array, reach: float) -> NDArray[np.bool_]:
     """Tell for each point (N, 3) whether one of the others (M, 3) is within reach, metres."""
     near = [squares.min(axis=1) < reach**2 for _, squares in iterate_squared_distances(points, others)]
     return np.concatenate(near)
+
+
+def show_surface(views: Sequence[View], radius: float) -> bool:
+    """Tell whether points spread across ropes of a radius, metres, as points on a surface do."""
+    points = np.vstack([view.world_points for view in views])
+    spreads = []
+    for point in points[:: max(len(points) // _SAMPLES, 1)]:
+        around = points[((points - point) ** 2).sum(axis=1) < (_AROUND * radius) ** 2]
+        # of the three standard deviations, the second is across the rope
+        spreads.append(np.linalg.svd(around - around.mean(axis=0), compute_uv=False)[1] ** 2 / len(around))
+    return float(np.median(spreads)) > (_MIN_ACROSS * radius) ** 2
 
 
 def find_support(view: View, radius: float) -> tuple[Array, float] | None:

@@ -25,6 +25,10 @@ depth = np.full((60, 80), 1.0)
 mask = np.zeros((60, 80), bool)
 mask[28:33, 5:75] = True
 shown = mask.view(np.uint8)
+planes = np.zeros((3, 60, 80), np.float32)
+planes[:, 28:33, 5:75] = 60.0
+colors = np.zeros((60, 80, 3), np.uint8)
+strips = _core.find_strips(planes, 12.0, 4.0, 7.0, 0.3, False)
 flat = depth.astype(np.float32)
 number = np.zeros(4000, np.int64)
 control = points[:20]
@@ -69,6 +73,9 @@ calls = {{
     "measure_edge_distances": lambda: _core.measure_edge_distances(mask, 40),
     "measure_largest_blob": lambda: _core.measure_largest_blob(mask),
     "estimate_mask_radius": lambda: _core.estimate_mask_radius(mask),
+    "convert_to_lab": lambda: _core.convert_to_lab(colors),
+    "find_strips": lambda: _core.find_strips(planes, 12.0, 4.0, 7.0, 0.3, False),
+    "find_color_pieces": lambda: _core.find_color_pieces(planes, None, strips),
     "convolved": lambda: _core.convolved(flat, [0.5, 0.25]),
     "find_short_outlines": lambda: _core.find_short_outlines(flat, [1.0], 3),
     "TubeQueries": lambda: _core.TubeQueries([points[:40]], [points[:40, 0]], [0.1]).signed_distances(points),
@@ -94,6 +101,9 @@ def write():
             flat[i::3] = np.float32(min(value, 3e38))
             number[i::5] = -(2**62) + i
             shown[i::3] = 31 * i
+            colors[i::3] = 31 * i
+            planes[:, i::3] = np.float32(min(value, 3e38))
+            strips[:, i::3] = np.float32(min(value, 3e38))
         points[:] = np.random.random(points.shape)
         depth[:] = 1.0
         time.sleep(0)

@@ -120,9 +120,7 @@ def find_ropes(
     return found
 
 
-def segment_in_all(
-    extract: Extract, radii: Array | None
-) -> tuple[FoundRopes, dict[int, DepthImage]]:
+def segment_in_all(extract: Extract, radii: Array | None) -> tuple[FoundRopes, dict[int, DepthImage]]:
     """Segment ropes of (K,) radii, metres, by colour where it shows them, else by height.
 
     Also return images made of views of points, as `segment_views` does.
