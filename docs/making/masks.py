@@ -21,7 +21,7 @@ COLORS = ("#f58518", "#4c78a8", "#54a24b", "#b279a2")
 MASK = "#e45756"
 COLUMNS = 4
 MARGIN = 20  # pixels around the ropes
-DRAWN = {"bbox_inches": "tight", "dpi": 70, "metadata": {"Software": None}}
+DRAWN = {"bbox_inches": "tight", "dpi": 70, "pil_kwargs": {"quality": 75}}
 
 
 def draw_chains(axes: Axes, views: tuple[strand.View, ...], ropes: int, radius: float | None) -> str:
@@ -85,8 +85,8 @@ def draw_sheet(path: Path, kinds: tuple[str, ...], draw: Callable[[Axes, str], N
 
 
 def main() -> int:
-    draw_sheet(FOLDER / "masks.png", FRAMES, draw_frame)
-    draw_sheet(FOLDER / "colors.png", COLOR_KINDS, draw_color)
+    draw_sheet(FOLDER / "masks.jpg", FRAMES, draw_frame)
+    draw_sheet(FOLDER / "colors.jpg", COLOR_KINDS, draw_color)
     return 0
 
 
