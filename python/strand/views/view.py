@@ -37,14 +37,15 @@ class View:
 
     Parameters
     ----------
-    points : (N, 3) array_like of float
+    points : (N, 3) or (H, W, 3) array_like of float
         Points in the camera frame (x right, y down, z forward), metres. Points at (0, 0, 0) are dropped:
-        organised clouds have them where a pixel has no return.
+        organised clouds have them where a pixel has no return. Those of an (H, W, 3) cloud may also be NaN
+        or infinite there.
     pose : (4, 4) array_like, optional
         Camera-to-world rigid motion; the identity by default.
     dropped : int
         The number of pixels or points that the caller dropped because they were not finite.
-    colors : (N, 3) array_like, optional
+    colors : (N, 3) or (H, W, 3) array_like, optional
         The points' colours: red, green and blue from 0 to 1, or uint8. Segments with different colours are
         not joined. Views with and without colours may be mixed.
 
@@ -75,6 +76,10 @@ class View:
         colors: ArrayLike | None = None,
     ) -> None:
         # later changes of the caller's arrays must not change the view
+        dropped = check_integer("dropped", dropped)
+        if np.ndim(points) == 3:
+            points, colors, missing = _list_points(points, colors)
+            dropped += missing
         cloud = check_finite_array("points", points, ("N", 3))
         returned: NDArray[np.bool_] = np.any(cloud, axis=1)
         everywhere = bool(returned.all())
@@ -83,7 +88,7 @@ class View:
         self._points: Array | None = freeze_array(cloud, points)
         self._image: DepthImage | None = None
         self._pose = _check_pose(pose)
-        self._dropped = check_integer("dropped", dropped)
+        self._dropped = dropped
         self._colors: Array | None = None
         if colors is not None:
             seen = check_colors("colors", colors, (len(returned), 3))
@@ -322,6 +327,22 @@ class View:
     def _replace_points(self, points: Array, colors: Array | None) -> View:
         """Return the view with other points, and without an image."""
         return self._build(points, None, self._pose, self._dropped, colors)
+
+
+def _list_points(points: ArrayLike, colors: ArrayLike | None) -> tuple[Array, ArrayLike | None, int]:
+    """Return the finite points of an (H, W, 3) cloud, their colours, and the number of the others."""
+    cloud = to_array("points", points)
+    if cloud.dtype.kind != "f":
+        raise TypeError(f"points: expected floating point numbers in metres, got dtype {cloud.dtype}")
+    if cloud.shape[2] != 3:
+        raise ValueError(f"points: expected shape (N, 3) or (H, W, 3), got {cloud.shape}")
+    finite = np.isfinite(cloud).all(axis=2)
+    if colors is not None:
+        own = to_array("colors", colors)
+        if own.shape != cloud.shape:
+            raise ValueError(f"colors: expected the shape of the points {cloud.shape}, got {own.shape}")
+        colors = own[finite]
+    return cloud[finite].astype(np.float64), colors, int(np.count_nonzero(~finite))
 
 
 def _check_pose(pose: ArrayLike | None) -> Array:
