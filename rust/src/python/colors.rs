@@ -29,9 +29,7 @@ pub(super) fn convert_to_lab<'py>(
         return Err(PyValueError::new_err("colors: expected (H, W, 3)"));
     };
     let values = colors.into_values();
-    let found = released(py, move || {
-        lab::convert_to_lab(&values, width).map(|plane| plane.values).concat()
-    })?;
+    let found = released(py, move || lab::convert_to_lab(&values, width).map(|plane| plane.values).concat())?;
     array(py, found, [3, height, width])
 }
 

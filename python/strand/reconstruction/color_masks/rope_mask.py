@@ -24,6 +24,7 @@ _ONE_HUE = 18.0  # Lab: differences of one hue and chroma, of a and b
 _MIN_SHARE = 0.03  # of the pixels: hues that fewer have do not count
 _MAX_SAMPLES = 1500  # pixels whose hues are counted
 _MAX_CENTERS = 60  # of these, tried as the middle of a hue
+_MAX_GROWTH = 1.5  # a mask's pixels over those of its strips: it grows into a background of its colour
 _MAX_ON_THINGS = 0.4  # share of a piece on things that are higher than ropes
 
 
@@ -271,6 +272,12 @@ def _make_mask(
     pieces = [piece for _, group in groups for piece in group]
     if pieces and lab is not None:
         labels = refine_labels(lab, groups, _find_half_width(pieces))
+        rough = np.zeros(shape, dtype=bool)
+        for piece in pieces:
+            piece.add_to(rough)
+        if np.count_nonzero(labels) > _MAX_GROWTH * np.count_nonzero(rough):
+            labels, pieces = np.zeros_like(labels), []
+            why = "the background has the ropes' colours in places; give a mask"
         for choice in choices:
             if choice.things is not None:
                 labels[choice.things] = 0

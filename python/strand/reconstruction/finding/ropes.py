@@ -24,7 +24,7 @@ from strand.views.view import View, masked
 
 _BESIDE = 4  # pixels around a mask of colour: heights are blurred that far
 _RESOLVED = 0.5  # radii: where the table's depths scatter less, height shows ropes
-_MAX_SPECKS = 20  # pieces; with more, and without a long one, depth shows specks rather than ropes
+_MAX_SPECKS = 10  # pieces; with more, and without a long one, depth shows specks rather than ropes
 _MIN_SHARE = 0.3  # of the length of all pieces: a long one has more
 _MIN_MISSED = 20.0  # radii: colour misses a rope if a longer strip stands on the table without it
 _MIN_LENGTH = 14.0  # radii: some view shows a strip of a rope that is longer
@@ -153,8 +153,10 @@ def segment_in_all(extract: Extract, radii: Array | None) -> tuple[FoundRopes, d
         return by_color, {}
     if shaded:
         # shadows beside ropes are as thin as these; a rope's height tells them apart
-        resolved = _is_resolved(scatter, by_height.radius, radii)
+        resolved = _is_resolved(scatter, by_height.radius, radii) and not _shows_specks(by_height)
         return (by_height, pictures) if resolved else (replace(by_color, by_color=True), {})
+    if _shows_specks(by_height):
+        return by_color, {}
     radius = float(by_color.radius or 0.0)
     for high, colored in zip(by_height.views, by_color.views, strict=True):
         if high.image is not None and high.mask is not None and colored.mask is not None:

@@ -24,6 +24,8 @@ _MIN_LENGTH_HIGH = 30.0  # radii: shorter and high pieces beside a thing belong 
 _HIGH = 3.5  # radii: height of such pieces
 _MAX_CELLS = 2000  # cells along each side of a plan
 _EDGE = 2.0  # pixels that things are grown by
+_HALO = 1.0  # radii beyond these: smoothed heights of things are as high as ropes there
+_MAX_HALO_SHARE = 0.7  # share of a piece's pixels there, if it is a rope
 _TOP = 0.9  # share of a thing's heights that are below its top
 
 
@@ -80,7 +82,9 @@ def segment_ropes(
             reason = f"wider than ropes of radius {1e3 * radius:.1f} mm, and {1e3 * highest:.0f} mm high"
             others.append(OtherObject(view, _find_middle(image, rows, columns), reason))
     things |= wide & _select_around(image, things, top.plane, radius)
-    near = _core.measure_edge_distances(~things, 8) if things.any() else np.full(wide.shape, np.inf)
+    halo = _EDGE + _HALO * _find_radius_px(image, things, radius)
+    reach = int(max(halo, 2.0 * _EDGE)) + 2
+    near = _core.measure_edge_distances(~things, reach) if things.any() else np.full(wide.shape, np.inf)
     mask = image.mask & (near > _EDGE)
     lengths = measure_strip_lengths(replace(image, labels=mask.copy())) / radius
     for number, (rows, columns) in enumerate(_split_blobs(_core.number_blobs(mask)), 1):
@@ -88,12 +92,19 @@ def segment_ropes(
         height = float(np.median(top.above[rows, columns])) / radius
         beside = bool((near[rows, columns] <= 2.0 * _EDGE).any())
         own = length < _MIN_LENGTH_BESIDE or (length < _MIN_LENGTH_HIGH and height > _HIGH)
-        if length < _MIN_LENGTH or (beside and own):
+        edge = bool(np.mean(near[rows, columns] <= halo) > _MAX_HALO_SHARE)
+        if length < _MIN_LENGTH or (beside and own) or edge:
             mask[rows, columns] = False
-            if beside and length >= _MIN_LENGTH:
+            if beside and not edge and length >= _MIN_LENGTH:
                 reason = f"a thin piece, {1e3 * length * radius:.0f} mm long, of a thing beside it"
                 others.append(OtherObject(view, _find_middle(image, rows, columns), reason))
     return mask, others
+
+
+def _find_radius_px(image: DepthImage, things: NDArray[np.bool_], radius: float) -> float:
+    """Return a radius, metres, in pixels at the distance of things; 0 without any."""
+    z = image.depth[things & (image.depth > 0)]
+    return radius * image.camera.focal[0] / float(np.median(z)) if len(z) else 0.0
 
 
 def _split_blobs(numbers: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import time
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
@@ -105,6 +108,29 @@ def test_a_pattern_is_refused_with_advice_and_an_empty_table_has_no_rope():
 def test_reconstruct_refuses_a_pattern_that_depth_does_not_resolve():
     with pytest.raises(strand.NoRopeError, match="patterned"):
         strand.reconstruct(color_scene("patterned", 2).views)
+
+
+def test_a_mask_that_grows_into_the_background_is_refused():
+    _, color, exact = make_scene(highlight=0.5)
+    v, u = np.mgrid[:240, :320]
+    bands = ((u + v // 2) // 20 % 2)[..., None]
+    light = color[exact].mean(axis=1, keepdims=True)
+    color = np.where(bands, (250, 250, 120), (220, 200, 230)).astype(np.float64)
+    color[exact] = np.array([120, 160, 60]) * light / light.mean()
+    found = strand.rope_mask(np.clip(color, 0, 255).astype(np.uint8))
+    assert not found
+    assert not found.mask.any()
+    assert "give a mask" in found.why
+
+
+@pytest.mark.parametrize("seed", [201, 204])
+def test_patterns_end_early(seed):
+    views = color_scene("patterned", seed).views
+    begin = time.process_time()
+    with suppress(strand.NoRopeError):
+        strand.reconstruct(views)
+    # a search among dozens of pieces takes 4 s and more
+    assert time.process_time() - begin < 1.5
 
 
 def test_depth_gives_the_radius_and_the_scatter():

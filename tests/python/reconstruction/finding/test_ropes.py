@@ -7,7 +7,7 @@ import pytest
 
 import strand
 from lib.measure import measure_chains
-from strand.synthetic import SyntheticScene, cluttered_scene
+from strand.synthetic import SyntheticScene, cluttered_scene, color_scene
 
 
 @pytest.fixture(scope="module")
@@ -159,3 +159,10 @@ def test_a_bare_table_is_refused_in_any_unit(scale):
     for seen in (view, strand.View(view.points)):
         with pytest.raises(strand.NotEnoughDataError):
             strand.reconstruct([seen])
+
+
+def test_the_outline_of_a_high_thing_is_no_rope():
+    # heights that are smoothed make a strip of one width around a gripper
+    views = color_scene("gripper", 204, rope=False).views
+    with pytest.raises(strand.NoRopeError, match="thing was dropped"):
+        strand.find_ropes(views)
