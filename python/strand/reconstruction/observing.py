@@ -100,7 +100,9 @@ def observe(extract: Extract, hints: Hints, run: Run) -> Scene:
         If no view shows a rope.
     """
     published, radii = hints.config.method == "published", hints.radii
-    found, pictures = (None, {}) if published else _find_ropes_among_things(extract, radii, run)
+    found, pictures = (None, {})
+    if not published:
+        found, pictures = _find_ropes_among_things(extract, radii, hints.previous, run)
     if found is not None:
         ropes = found.views if extract.bounds is None else cropped(found.views, extract.bounds)
         # the points of other things show free space; images show it outside their masks
@@ -148,7 +150,7 @@ def observe(extract: Extract, hints: Hints, run: Run) -> Scene:
 
 
 def _find_ropes_among_things(
-    extract: Extract, radii: Radii | None, run: Run
+    extract: Extract, radii: Radii | None, previous: Model | None, run: Run
 ) -> tuple[FoundRopes | None, dict[int, DepthImage]]:
     """Find ropes on a table, if the views have no masks and their extraction range holds a table.
 
@@ -157,16 +159,17 @@ def _find_ropes_among_things(
     if any(view.mask is not None for view in extract.whole):
         return None, {}
     sizes = None if radii is None else radii.values
+    earlier = () if previous is None else previous.chains
     if extract.bounds is not None and not _holds_clear_table(extract, find_thinnest(radii)):
         # colour may show ropes that are as low as the noise
         if not _has_colors(extract) or not holds_table(extract):
             return None, {}
         with run.stage("find"):
-            return segment_by_color(extract, sizes), {}
+            return segment_by_color(extract, sizes, earlier), {}
     pictures: dict[int, DepthImage] = {}
     with run.stage("find"):
         try:
-            found, pictures = segment_in_all(extract, sizes)
+            found, pictures = segment_in_all(extract, sizes, earlier)
         except NoRopeError as error:
             # strands side by side look like one thing that is wide
             if radii is None or not error.low_things:

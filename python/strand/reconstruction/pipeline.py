@@ -68,7 +68,8 @@ def reconstruct(
     previous : Model, optional
         An earlier model of the same ropes. Chains near its chains start at the same end. All others start at
         the end that lies farther back along the direction (0.83, 0.47, 0.31). Where the views show no table,
-        the earlier model's `table` counts if the ropes lie above it.
+        the earlier model's `table` counts if the ropes lie above it. Without masks, colours are searched near
+        its chains first, and in the whole image if they do not show all that stands on the table there.
     keep_stages : bool
         Whether to keep the arrays between the stages, in `Model.stages`:
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,6 +56,11 @@ class NearTable:
     scatter: float
     depth: Array
     focal: float
+
+    def cut(self, window: tuple[slice, slice]) -> NearTable:
+        """Return the table in rows and columns of the image."""
+        near, heights, depth = self.near[window], self.heights[window], self.depth[window]
+        return replace(self, near=near, heights=heights, depth=depth)
 
     def measure_radius(self, pieces: list[Piece]) -> float | None:
         """Return the median radius of pieces, metres, weighted by length; None without depth."""

@@ -159,21 +159,29 @@ def find_mask(
 
 
 def search_mask(
-    image: NDArray[np.uint8], table: NearTable | None, known: NDArray[np.uint8] | None, ropes: int | None
+    image: NDArray[np.uint8],
+    table: NearTable | None,
+    known: NDArray[np.uint8] | None,
+    ropes: int | None,
+    diagonal: float = 0.0,
 ) -> tuple[RopeMask, list[Piece]]:
-    """Find ropes as `find_mask` does, and return their pieces too."""
+    """Find ropes as `find_mask` does, and return their pieces too.
+
+    The diagonal, pixels, is that of the whole image, of which `image` may be a part.
+    """
     shape = (image.shape[0], image.shape[1])
+    diagonal = max(diagonal, float(np.hypot(*shape)))
     if min(shape) < _MIN_SIDE:
         return _make_mask([], shape, f"color: the image is smaller than {_MIN_SIDE} pixels", None), []
     lab = _core.convert_to_lab(image)
     pieces = find_pieces(lab, None if table is None else table.near)
     if known is None:
-        choice = _choose_low(pieces, lab, table, ropes)
+        choice = _choose_low(pieces, lab, table, ropes, diagonal)
         found = _make_mask(list(enumerate(choice.groups, 1)), shape, "", table, [choice], lab)
         return found, choice.pieces
     colors = _core.convert_to_lab(np.ascontiguousarray(known[None]))[:, 0].T.astype(np.float64)
     # what was found without the colours is as good where it has them
-    plain = split_by_color(_choose_low(pieces, lab, table, ropes), lab, colors)
+    plain = split_by_color(_choose_low(pieces, lab, table, ropes, diagonal), lab, colors)
     known_ropes = [find_known_ropes(lab, own, pieces, table, ropes) for own in colors]
     choices = [max(pair, key=lambda choice: choice.length) for pair in zip(known_ropes, plain, strict=True)]
     groups = [(k, choice.pieces) for k, choice in enumerate(choices, 1) if choice.groups]
@@ -205,6 +213,7 @@ def _choose_low(
     lab: NDArray[np.float32],
     table: NearTable | None,
     ropes: int | None,
+    diagonal: float,
 ) -> Choice:
     """Choose ropes among pieces that do not belong to things higher than ropes."""
     shape = (lab.shape[1], lab.shape[2])
@@ -217,7 +226,7 @@ def _choose_low(
             "number of ropes"
         )
         return replace(choice, groups=[], why=why)
-    if ropes is None and choice.length > _MAX_LENGTH * np.hypot(*shape):
+    if ropes is None and choice.length > _MAX_LENGTH * diagonal:
         why = (
             "the background is patterned: strips run all over it; give a mask, rope_color or the number of "
             "ropes"

@@ -13,10 +13,13 @@ import strand._core as _core
 from strand.reconstruction.color_masks.color_pieces import Piece
 from strand.reconstruction.color_masks.near_table import NearTable, find_near_table
 from strand.reconstruction.color_masks.rope_mask import search_mask
+from strand.reconstruction.finding.earlier import Window, find_window, touches_side
 from strand.reconstruction.images.table_plane import Plane
+from strand.ropes.chain import Chain
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 
+RESOLVED = 0.5  # radii: where the table's depths scatter less, height shows ropes
 _BLACK = -16.0  # Lab: light of black on lines of one hue
 _SAME_HUE = 5.0  # Lab: shades of one colour differ by less beside their light
 _BESIDE = 4  # pixels around a mask: heights are blurred that far
@@ -62,26 +65,41 @@ class ShownInColor:
         return self.labels > 0
 
 
-def find_in_color(image: DepthImage | None) -> ShownInColor | None:
-    """Find ropes in an image's colours; None without colours or a table."""
+def find_in_color(image: DepthImage | None, earlier: Sequence[Chain] = ()) -> ShownInColor | None:
+    """Find ropes in an image's colours; None without colours or a table.
+
+    They are sought near chains of an earlier frame first.
+    """
     if image is None or image.colors is None:
         return None
     table = find_near_table(image.depth, image.camera)
     if table is None or not math.isfinite(table.scatter):
         return None
-    hiding = image.occluders
-    if hiding is not None:
-        table = replace(table, near=table.near & ~hiding)
-    found, pieces = search_mask(image.colors, table, None, None)
+    if image.occluders is not None:
+        table = replace(table, near=table.near & ~image.occluders)
+    window = find_window(image, earlier)
+    if window is not None:
+        shown = _search(image, image.colors, table, window)
+        # where depth resolves ropes, whatever stands elsewhere demands a search of the whole image
+        missed = shown.missed and shown.scatter <= RESOLVED * shown.radius
+        if shown.mask.any() and not missed and not touches_side(shown.mask, window):
+            return shown
+    return _search(image, image.colors, table, (slice(None), slice(None)))
+
+
+def _search(image: DepthImage, colors: NDArray[np.uint8], table: NearTable, window: Window) -> ShownInColor:
+    """Find ropes in a window of an image with colours and a table."""
+    own, diagonal = np.ascontiguousarray(colors[window]), math.hypot(*image.depth.shape)
+    found, pieces = search_mask(own, table.cut(window), None, None, diagonal)
     rotation, camera = image.pose[:3, :3], image.pose[:3, 3]
     normal = rotation @ table.plane.normal
     plane = Plane(normal, table.plane.offset + float(normal @ camera))
+    labels = np.zeros(image.depth.shape, dtype=np.int32)
     if not found or found.radius is None:
-        empty = np.zeros_like(found.labels)
-        return ShownInColor(empty, float("nan"), plane, table.scatter, why=found.why)
-    labels = found.labels.copy()
-    if hiding is not None:
-        labels[hiding] = 0
+        return ShownInColor(labels, float("nan"), plane, table.scatter, why=found.why)
+    labels[window] = found.labels
+    if image.occluders is not None:
+        labels[image.occluders] = 0
     mask = labels > 0
     radius = _measure_radius(mask, found.radius, found.radius_px)
     missed = _may_miss(table, mask, found.radius, found.radius_px)
@@ -110,8 +128,10 @@ def _are_shaded(pieces: list[Piece]) -> bool:
 
 def _may_miss(table: NearTable, mask: NDArray[np.bool_], radius: float, radius_px: float) -> bool:
     """Tell whether enough pixels outside a mask stand as high on a table as a rope of its radius, metres."""
+    # depths of most cameras scatter by the square of the distance
+    farther = np.maximum(table.depth / -table.plane.offset, 1.0) ** 2
     with np.errstate(invalid="ignore"):
-        high = table.heights > max(radius, _MISSED_SCATTERS * table.scatter)
+        high = table.heights > np.maximum(radius, _MISSED_SCATTERS * table.scatter * farther)
     if np.count_nonzero(high) < _MISSED_AREA * radius_px**2:
         return False
     near = _core.measure_edge_distances(np.asarray(~mask), _BESIDE + 1) <= _BESIDE

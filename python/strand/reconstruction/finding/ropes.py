@@ -9,13 +9,14 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
-from strand.reconstruction.finding.in_color import ShownInColor, find_in_color, match_labels
+from strand.reconstruction.finding.in_color import RESOLVED, ShownInColor, find_in_color, match_labels
 from strand.reconstruction.finding.standing import find_tabletop
 from strand.reconstruction.finding.strips import OtherObject, segment_ropes
 from strand.reconstruction.finding.widths import estimate_strip_radius, measure_strip_lengths
 from strand.reconstruction.images.above_table import segment_above_table
 from strand.reconstruction.images.table_plane import Plane
 from strand.reconstruction.radius import Radii
+from strand.ropes.chain import Chain
 from strand.support.checks import Array
 from strand.views.box import Bounds, Box, make_box
 from strand.views.depth_image import DepthImage
@@ -23,9 +24,9 @@ from strand.views.extract import Extract, extract_views
 from strand.views.view import View, masked
 
 _BESIDE = 4  # pixels around a mask of colour: heights are blurred that far
-_RESOLVED = 0.5  # radii: where the table's depths scatter less, height shows ropes
 _MAX_SPECKS = 10  # pieces; with more, and without a long one, depth shows specks rather than ropes
 _MIN_SHARE = 0.3  # of the length of all pieces: a long one has more
+_SPECKS = "depth shows many short pieces on the table and no long one, as noise and patterns do"
 _MIN_MISSED = 20.0  # radii: colour misses a rope if a longer strip stands on the table without it
 _MIN_LENGTH = 14.0  # radii: some view shows a strip of a rope that is longer
 
@@ -120,14 +121,20 @@ def find_ropes(
     return found
 
 
-def segment_in_all(extract: Extract, radii: Array | None) -> tuple[FoundRopes, dict[int, DepthImage]]:
+def segment_in_all(
+    extract: Extract, radii: Array | None, earlier: Sequence[Chain] = ()
+) -> tuple[FoundRopes, dict[int, DepthImage]]:
     """Segment ropes of (K,) radii, metres, by colour where it shows them, else by height.
 
-    Also return images made of views of points, as `segment_views` does.
+    With chains of an earlier frame, colour is sought near them first. Also return images made of views of
+    points, as `segment_views` does.
     """
-    shown = _find_in_colors(extract)
+    shown = _find_in_colors(extract, earlier)
     if shown is None:
-        return segment_views(extract, radii)
+        by_height = segment_views(extract, radii)
+        if _shows_specks(by_height):
+            raise NoRopeError(f"views: {_SPECKS}; give colours, or masks")
+        return by_height
     scatter = max(one.scatter for one in shown)
     if not any(one.mask.any() for one in shown):
         reasons = "; ".join(dict.fromkeys(one.why for one in shown))
@@ -167,9 +174,11 @@ def segment_in_all(extract: Extract, radii: Array | None) -> tuple[FoundRopes, d
     return by_color, {}
 
 
-def segment_by_color(extract: Extract, radii: Array | None) -> FoundRopes | None:
+def segment_by_color(
+    extract: Extract, radii: Array | None, earlier: Sequence[Chain] = ()
+) -> FoundRopes | None:
     """Segment ropes by colour, if all views have colours and some of these show ropes."""
-    shown = _find_in_colors(extract)
+    shown = _find_in_colors(extract, earlier)
     if shown is None or not any(one.mask.any() for one in shown):
         return None
     return _take_colors(extract, shown, radii)
@@ -188,14 +197,14 @@ def _shows_specks(found: FoundRopes) -> bool:
 
 def _is_resolved(scatter: float, radius: float, radii: Array | None) -> bool:
     """Tell whether depths scatter so little that heights show ropes of known radii, or of a radius."""
-    return scatter <= _RESOLVED * (radius if radii is None else float(radii.min()))
+    return scatter <= RESOLVED * (radius if radii is None else float(radii.min()))
 
 
-def _find_in_colors(extract: Extract) -> list[ShownInColor] | None:
+def _find_in_colors(extract: Extract, earlier: Sequence[Chain]) -> list[ShownInColor] | None:
     """Find ropes in the views' colours; None if a view has no colours or shows no table."""
     found = []
     for view in extract.whole:
-        one = find_in_color(view.image)
+        one = find_in_color(view.image, earlier)
         if one is None:
             return None
         found.append(one)

@@ -1,6 +1,6 @@
 //! Pieces of strips: connected regions of each width, and what decides whether they are rope.
 
-use super::levels::{shrunk, shrunk_planes};
+use super::levels::shrunk;
 use super::region::{Region, find_region};
 use super::strips::Strips;
 use super::{Planes, color, difference2, median, size};
@@ -127,14 +127,15 @@ fn find_band(
     // what lies far from the strips says nothing about them
     let window = find_window(&core, (FAR * fine) as usize + SOFT_REACH + 2);
     let core = cut(&core, window);
-    let own = cut_planes(&shrunk_planes(planes, small), window);
+    let within = |planes: &Planes| [0, 1, 2].map(|k| shrunk_within(&planes[k], small, window));
+    let own = within(planes);
     let mut region = find_region(&own, &core, fine);
-    let colors = if plain { own } else { cut_planes(&shrunk_planes(lab, small), window) };
+    let colors = if plain { own } else { within(lab) };
     if !plain {
         region.background.fill([0.0; 3]);
     }
-    let response = cut(&shrunk(&strips.response, small), window);
-    let aside = cut(&shrunk(&strips.aside, small), window);
+    let response = shrunk_within(&strips.response, small, window);
+    let aside = shrunk_within(&strips.aside, small, window);
     let (near, mut pieces) = describe(&region, &colors, &response, &aside, factor);
     let [top, _, left, _] = window;
     let mut labels = Image::filled(small[0], small[1], 0i32);
@@ -169,8 +170,9 @@ fn cut<T: Copy>(image: &Image<T>, [top, bottom, left, right]: [usize; 4]) -> Ima
     Image { width: right - left, height: bottom - top, values: rows.flatten().copied().collect() }
 }
 
-fn cut_planes(planes: &Planes, window: [usize; 4]) -> Planes {
-    [0, 1, 2].map(|k| cut(&planes[k], window))
+/// Returns a window of an image made smaller.
+fn shrunk_within(image: &Image<f32>, small: [usize; 2], window: [usize; 4]) -> Image<f32> {
+    if small == [image.width, image.height] { cut(image, window) } else { cut(&shrunk(image, small), window) }
 }
 
 /// Numbers the pieces of a region, and describes each.

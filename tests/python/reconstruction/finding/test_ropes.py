@@ -166,3 +166,13 @@ def test_the_outline_of_a_high_thing_is_no_rope():
     views = color_scene("gripper", 204, rope=False).views
     with pytest.raises(strand.NoRopeError, match="thing was dropped"):
         strand.find_ropes(views)
+
+
+def test_noise_as_high_as_ropes_is_refused_early():
+    scene = color_scene("plain", 201).scene
+    view = strand.View.from_depth(
+        scene.depth[0], scene.intrinsics, scene.poses[0], depth_scale=scene.depth_scale
+    )
+    # strand used to search among all pieces for 20 s
+    with pytest.raises(strand.NoRopeError, match="many short pieces"):
+        strand.reconstruct([view])
