@@ -47,7 +47,7 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
     against = find_contradictions(chains, found.chains[len(chains) :], hints.prior, found.all_rings)
     if scene.tables:
         against += doubt_ends_at_edge(chains, scene.extract.whole, scene.tables)
-        against += doubt_ends_at_things(chains, scene.extract.whole)
+        against += doubt_ends_at_things(chains, scene.observed.whole)
     chains = _describe_chains(chains, scene.extract.whole, list(poses))
     against += doubt_hidden_ends(chains)
     run.warnings[:] = drop_explained(run.warnings, chains)

@@ -100,7 +100,8 @@ def observe(extract: Extract, hints: Hints, run: Run) -> Scene:
         If no view shows a rope.
     """
     published, radii = hints.config.method == "published", hints.radii
-    found, pictures = (None, {})
+    found: FoundRopes | None = None
+    pictures: dict[int, DepthImage] = {}
     if not published:
         found, pictures = _find_ropes_among_things(extract, radii, hints.previous, run)
     if found is not None:

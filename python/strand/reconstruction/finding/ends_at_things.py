@@ -15,6 +15,7 @@ from strand.views.view import View
 _STEPS = (1.5, 2.5, 3.5)  # radii beyond an end: something is sought there
 _BACK = 3.0  # radii along the rope that give the direction of its end
 _IN_FRONT = 5.0  # radii: what is this much nearer to the camera is no rope on the rope
+_BESIDE = 1.5  # radii: the same, of what is not in the mask of the ropes that were found
 _MIN_DISTANCE = 0.02  # of the end's distance from the camera: the same, where depth is coarse
 _DOUBT = 0.3  # amount of doubt of an end
 
@@ -53,5 +54,6 @@ def _hides(image: DepthImage | None, places: Array, radius: float) -> bool:
     inside = (away > 0) & (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
     shown = image.depth[rows[inside], columns[inside]]
     before = away[inside] - shown
-    least = np.maximum(_IN_FRONT * radius, _MIN_DISTANCE * away[inside])
+    on_rope = image.mask[rows[inside], columns[inside]]
+    least = np.maximum(np.where(on_rope, _IN_FRONT, _BESIDE) * radius, _MIN_DISTANCE * away[inside])
     return bool(((shown > 0) & (before > least)).any())

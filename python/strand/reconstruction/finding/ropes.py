@@ -131,10 +131,10 @@ def segment_in_all(
     """
     shown = _find_in_colors(extract, earlier)
     if shown is None:
-        by_height = segment_views(extract, radii)
+        by_height, pictures = segment_views(extract, radii)
         if _shows_specks(by_height):
             raise NoRopeError(f"views: {_SPECKS}; give colours, or masks")
-        return by_height
+        return by_height, pictures
     scatter = max(one.scatter for one in shown)
     if not any(one.mask.any() for one in shown):
         reasons = "; ".join(dict.fromkeys(one.why for one in shown))
