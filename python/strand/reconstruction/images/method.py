@@ -13,6 +13,7 @@ from strand.reconstruction.evidence.depth_errors import MIN_CORRELATION
 from strand.reconstruction.images.above_table import mask_above_table
 from strand.reconstruction.images.beyond_mask import doubt_ends_beyond_masks
 from strand.reconstruction.images.comparison import Explanation, find_likely_readings, fit_and_rank, refit
+from strand.reconstruction.images.facing_ends import doubt_facing_ends
 from strand.reconstruction.images.fat_masks import MIN_WIDER, measure_excess
 from strand.reconstruction.images.image_doubts import (
     doubt_ends_at_strands,
@@ -22,6 +23,7 @@ from strand.reconstruction.images.image_doubts import (
 )
 from strand.reconstruction.images.image_ends import cut_ends, move_ends
 from strand.reconstruction.images.image_nodes import correct_poses, make_chains
+from strand.reconstruction.images.lost_pieces import add_lost_pieces
 from strand.reconstruction.images.outlines import estimate_mean_noise
 from strand.reconstruction.images.pixel_errors import (
     Errors,
@@ -112,6 +114,8 @@ def read_images(observed: Observed, config: Config, run: Run) -> Interpretation:
             table = Plane(*observed.support)
         if not any(observed.masked):
             given = mask_above_table(given, table, observed.bounds, radius)
+        elif not run.skips("pieces that masks lost"):
+            given = add_lost_pieces(given, table, observed.bounds, radius)
         try:
             views = prepare_views(given, any(observed.masked), table, observed.bounds, radius)
         except ValueError as error:
@@ -178,6 +182,7 @@ def make_answer(read: Interpretation, observed: Observed, config: Config, run: R
     if read.scatter is None:
         # where depths scatter, masks were made of what stands out
         others += doubt_ends_beyond_masks(views, fit.nodes, fit.noise, radius)
+        others += doubt_facing_ends(fit.nodes, radius)
     resting = read.table is not None and all(observed.masked)
     doubts = find_doubts(rivals, fit, chains, views, radius, others, resting)
     chains = sorted(chains, key=lambda chain: -chain.length)

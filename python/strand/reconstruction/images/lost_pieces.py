@@ -1,0 +1,111 @@
+"""Pieces that masks lost, where depth shows the rope to go on from one part of the mask to another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+import strand._core as _core
+from strand.reconstruction.images.above_table import measure_heights, segment_above_table
+from strand.reconstruction.images.table_plane import Plane
+from strand.support.checks import Array
+from strand.views.box import Box
+from strand.views.depth_image import DepthImage
+
+_MARGIN = 4  # pixels around the mask that heights are measured in
+_AROUND = 2.0  # radii farther
+_MIN_RIM = 1.5  # pixels beside a mask that stand out because its edge is not exact
+_RIM = 0.4  # radii: the same
+_MIN_AREA = 1.5  # squared radii of a piece without its rims
+_MAX_AREA = 40.0  # squared radii: larger pieces are other things
+_MIN_HALF_WIDTH = 0.7  # radii: narrower pieces are parts of a rope's edge
+_MAX_HALF_WIDTH = 1.7  # radii: wider pieces are other things
+_TOUCH = 1.6  # pixels farther than its rim from a piece: mask that it touches
+_MIN_TOUCH = 0.8  # radii along a touch
+_MAX_TOUCH = 5.0  # radii along a touch: a longer one is the side of a strand
+_MAX_STEP = 1.0  # radii between the heights of a piece and of the mask that it touches
+_END_REACH = 2.5  # radii around a touch in which the mask is examined
+_MAX_END_SHARE = 0.36  # of that disc is mask where a mask ends; beside a strand more is
+
+
+def add_lost_pieces(
+    images: Sequence[DepthImage], table: Plane | None, bounds: Box | None, radius: float
+) -> list[DepthImage]:
+    """Add what stands out of the table as a rope of a radius, metres, and joins an end of a mask to the mask.
+
+    A mask stays as it is where no piece does, and without a table.
+    """
+    if table is None:
+        return list(images)
+    return [_mend_mask(image, table, bounds, radius) for image in images]
+
+
+def _mend_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: float) -> DepthImage:
+    pixels = radius * image.camera.focal[0] / image.distance
+    if image.labels is None or not np.isfinite(pixels):
+        return image
+    window = image.frame_mask(_MARGIN + int(_AROUND * pixels))
+    part = image.cropped(window)
+    mask = part.mask
+    stands = segment_above_table(part, table, bounds, radius)
+    if part.occluders is not None:
+        stands &= ~part.occluders
+    rim = max(_MIN_RIM, _RIM * pixels)
+    lost = stands & (_measure_distances(mask, rim) > rim)
+    if not lost.any():
+        return image
+    numbers = _core.number_blobs(lost)
+    areas = np.bincount(numbers.ravel()) / pixels**2
+    heights, seen, _ = measure_heights(part, table, bounds, radius)
+    heights = np.where(seen, heights / radius, np.nan)
+    added = np.zeros_like(mask)
+    for number in 1 + np.flatnonzero((areas[1:] > _MIN_AREA) & (areas[1:] < _MAX_AREA)):
+        piece = numbers == number
+        width = float(_core.measure_edge_distances(piece, int(2.0 * _MAX_HALF_WIDTH * pixels) + 2).max())
+        if not _MIN_HALF_WIDTH * pixels < width < _MAX_HALF_WIDTH * pixels:
+            continue
+        away = _measure_distances(piece, rim + _TOUCH)
+        touched = mask & (away <= rim + _TOUCH)
+        if _joins_an_end(mask, touched, pixels) and _is_level(heights, piece, touched):
+            added |= stands & (away <= rim)
+    if not (added & ~mask).any():
+        return image
+    mended = image.mask.copy()
+    mended[window] |= added
+    return replace(image, labels=mended)
+
+
+def _measure_distances(mask: NDArray[np.bool_], most: float) -> NDArray[np.float32]:
+    """(H, W) Return distances of pixels from a mask, pixels; 0 in it, exact up to `most`."""
+    return _core.measure_edge_distances(~mask, int(most) + 2)
+
+
+def _joins_an_end(mask: NDArray[np.bool_], touched: NDArray[np.bool_], pixels: float) -> bool:
+    """Tell whether a piece touches a mask at several places, of which one is an end of the mask."""
+    numbers = _core.number_blobs(touched)
+    places: list[Array] = []
+    for number in range(1, int(numbers.max()) + 1):
+        place = np.argwhere(numbers == number)
+        along = float(np.ptp(place, axis=0).max()) + 1.0
+        if along > _MAX_TOUCH * pixels:
+            return False
+        if along >= _MIN_TOUCH * pixels:
+            places.append(place.mean(axis=0))
+    return len(places) > 1 and any(_is_end(mask, place, pixels) for place in places)
+
+
+def _is_level(heights: Array, piece: NDArray[np.bool_], touched: NDArray[np.bool_]) -> bool:
+    """Tell whether a piece is as high, radii, as the mask that it touches."""
+    own, others = (heights[some & np.isfinite(heights)] for some in (piece, touched))
+    return min(len(own), len(others)) > 0 and abs(float(np.median(own) - np.median(others))) < _MAX_STEP
+
+
+def _is_end(mask: NDArray[np.bool_], place: Array, pixels: float) -> bool:
+    """Tell whether a mask ends at a place, row and column, rather than passing it."""
+    reach = _END_REACH * pixels
+    rows, columns = np.ogrid[: mask.shape[0], : mask.shape[1]]
+    disc = (rows - place[0]) ** 2 + (columns - place[1]) ** 2 <= reach**2
+    return bool(np.count_nonzero(mask & disc) < _MAX_END_SHARE * np.pi * reach**2)
