@@ -15,6 +15,7 @@ const BARE: f64 = 3.0; // cost of each radius of a gap where the camera saw thro
 const MAX_COST: f64 = 80.0; // largest cost of a gap, if the number of ropes is known
 const DROPPED: f64 = 1.6; // cost of each radius of a dropped piece: mask that nothing covers
 const PARTNERS: usize = 4; // partners of an end that are tried
+const NEAREST: usize = 12; // nearest ends of other chains that curves from an end are made to
 const MAX_TRIED: usize = 3000; // combinations that are tried at most
 
 /// Chains, some of them joined.
@@ -106,10 +107,12 @@ impl Search<'_> {
             }
         }
         for k in next..self.bridges.len() + self.left.len() {
+            if self.tried > MAX_TRIED {
+                return;
+            }
             let step =
                 if k < self.bridges.len() { Step::Bridge(k) } else { Step::Leave(k - self.bridges.len()) };
-            let mut joined = group.clone();
-            let more = match step {
+            let (more, merged) = match step {
                 Step::Bridge(b) => {
                     let [(i, _), (j, _)] = self.bridges[b].ends;
                     let taken = chosen.iter().any(|s| match s {
@@ -121,9 +124,7 @@ impl Search<'_> {
                     if taken || group[i] == group[j] {
                         continue;
                     }
-                    let (from, to) = (group[j], group[i]);
-                    joined.iter_mut().filter(|g| **g == from).for_each(|g| *g = to);
-                    self.bridges[b].cost - self.gain
+                    (self.bridges[b].cost - self.gain, Some((group[j], group[i])))
                 }
                 Step::Leave(chain) => {
                     // at least one chain must stay
@@ -131,9 +132,13 @@ impl Search<'_> {
                     if !alone || self.asked.is_none() {
                         continue;
                     }
-                    self.left[chain]
+                    (self.left[chain], None)
                 }
             };
+            let mut joined = group.clone();
+            if let Some((from, to)) = merged {
+                joined.iter_mut().filter(|g| **g == from).for_each(|g| *g = to);
+            }
             chosen.push(step);
             self.add(k + 1, chosen, joined, cost + more);
             chosen.pop();
@@ -143,14 +148,10 @@ impl Search<'_> {
 
 /// Finds bridges between ends of chains that cost less than `dearest`, the cheapest first.
 fn find_bridges(silhouette: &Silhouette, chains: &[Vec<Place>], dearest: f64) -> Vec<Bridge> {
-    let mut found = Vec::new();
-    for i in 0..chains.len() {
-        for j in i + 1..chains.len() {
-            for (e, f) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-                found.extend(make_bridge(silhouette, chains, [(i, e), (j, f)], dearest));
-            }
-        }
-    }
+    let mut found: Vec<Bridge> = pair_ends(chains)
+        .into_iter()
+        .filter_map(|ends| make_bridge(silhouette, chains, ends, dearest))
+        .collect();
     found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let mut partners = std::collections::HashMap::new();
     found.retain(|bridge| {
@@ -161,6 +162,26 @@ fn find_bridges(silhouette: &Silhouette, chains: &[Vec<Place>], dearest: f64) ->
         counts.iter().any(|&count| count < PARTNERS)
     });
     found
+}
+
+/// Lists pairs of ends of different chains of which one is among the nearest to the other, in order.
+fn pair_ends(chains: &[Vec<Place>]) -> Vec<[(usize, usize); 2]> {
+    let ends: Vec<(usize, usize)> = (0..chains.len()).flat_map(|i| [(i, 0), (i, 1)]).collect();
+    let place = |(i, e): (usize, usize)| chains[i][e * (chains[i].len() - 1)];
+    let mut pairs = std::collections::BTreeSet::new();
+    for &end in &ends {
+        let mut others: Vec<(f64, (usize, usize))> = ends
+            .iter()
+            .filter(|other| other.0 != end.0)
+            .map(|&other| (distance(place(end), place(other)), other))
+            .collect();
+        others.sort_by(|a, b| a.0.total_cmp(&b.0));
+        pairs.extend(others.iter().take(NEAREST).map(|&(_, other)| [end.min(other), end.max(other)]));
+    }
+    // by chains first, then by ends
+    let mut pairs: Vec<_> = pairs.into_iter().collect();
+    pairs.sort_by_key(|&[(i, e), (j, f)]| (i, j, e, f));
+    pairs
 }
 
 /// Returns a chain's nodes from an end on, without those that turn to the mask's corners.
@@ -312,6 +333,18 @@ mod tests {
         assert_eq!(open[0].chains.len(), 2);
         // a single piece stays
         assert_eq!(join_pieces(&silhouette, &pieces[..1], Some(1), 5.0, 3)[0].chains, pieces[..1]);
+    }
+
+    #[test]
+    fn curves_are_made_between_near_ends_alone_where_there_are_many() {
+        let row = |n: usize| -> Vec<Vec<Place>> {
+            (0..n).map(|i| line([40.0 * i as f64, 60.0], [40.0 * i as f64 + 20.0, 60.0])).collect()
+        };
+        // all pairs of a few chains
+        assert_eq!(pair_ends(&row(5)).len(), 40);
+        let many = pair_ends(&row(100));
+        assert!(many.len() <= 200 * NEAREST);
+        assert!((0..99).all(|i| many.contains(&[(i, 1), (i + 1, 0)])));
     }
 
     #[test]
