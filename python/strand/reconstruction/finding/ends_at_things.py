@@ -15,8 +15,9 @@ from strand.views.view import View
 _STEPS = (1.5, 2.5, 3.5)  # radii beyond an end: something is sought there
 _BACK = 3.0  # radii along the rope that give the direction of its end
 _IN_FRONT = 5.0  # radii: what is this much nearer to the camera is no rope on the rope
-_BESIDE = 1.5  # radii: the same, of what is not in the mask of the ropes that were found
+_BESIDE = 1.0  # radii: the same, of what is not in the mask of the ropes that were found
 _MIN_DISTANCE = 0.02  # of the end's distance from the camera: the same, where depth is coarse
+_MIN_BESIDE = 0.01  # of that distance: the same, of what is not in the mask
 _DOUBT = 0.3  # amount of doubt of an end
 
 
@@ -55,5 +56,10 @@ def _hides(image: DepthImage | None, places: Array, radius: float) -> bool:
     shown = image.depth[rows[inside], columns[inside]]
     before = away[inside] - shown
     on_rope = image.mask[rows[inside], columns[inside]]
-    least = np.maximum(np.where(on_rope, _IN_FRONT, _BESIDE) * radius, _MIN_DISTANCE * away[inside])
+    far = away[inside]
+    least = np.where(
+        on_rope,
+        np.maximum(_IN_FRONT * radius, _MIN_DISTANCE * far),
+        np.maximum(_BESIDE * radius, _MIN_BESIDE * far),
+    )
     return bool(((shown > 0) & (before > least)).any())
