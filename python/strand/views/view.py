@@ -39,8 +39,7 @@ class View:
     ----------
     points : (N, 3) or (H, W, 3) array_like of float
         Points in the camera frame (x right, y down, z forward), metres. Points at (0, 0, 0) are dropped:
-        organised clouds have them where a pixel has no return. Those of an (H, W, 3) cloud may also be NaN
-        or infinite there.
+        organised clouds, (H, W, 3), have them, NaN or infinities where a pixel has no return.
     pose : (4, 4) array_like, optional
         Camera-to-world rigid motion; the identity by default.
     dropped : int
@@ -331,18 +330,14 @@ class View:
 
 def _list_points(points: ArrayLike, colors: ArrayLike | None) -> tuple[Array, ArrayLike | None, int]:
     """Return the finite points of an (H, W, 3) cloud, their colours, and the number of the others."""
-    cloud = to_array("points", points)
-    if cloud.dtype.kind != "f":
-        raise TypeError(f"points: expected floating point numbers in metres, got dtype {cloud.dtype}")
-    if cloud.shape[2] != 3:
-        raise ValueError(f"points: expected shape (N, 3) or (H, W, 3), got {cloud.shape}")
+    cloud = check_float_array("points", points, ("H", "W", 3))
     finite = np.isfinite(cloud).all(axis=2)
     if colors is not None:
         own = to_array("colors", colors)
         if own.shape != cloud.shape:
             raise ValueError(f"colors: expected the shape of the points {cloud.shape}, got {own.shape}")
         colors = own[finite]
-    return cloud[finite].astype(np.float64), colors, int(np.count_nonzero(~finite))
+    return cloud[finite], colors, int(np.count_nonzero(~finite))
 
 
 def _check_pose(pose: ArrayLike | None) -> Array:
