@@ -8,13 +8,13 @@ import numpy as np
 
 from strand._core import NotEnoughDataError
 from strand.config import Config
+from strand.geometry.plane import Plane
 from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.finding.ropes import FoundRopes, NoRopeError, segment_by_color, segment_in_all
 from strand.reconstruction.finding.standing import holds_table
 from strand.reconstruction.images.depth_scatter import SMALL_SCATTER, measure_depth_scatter
 from strand.reconstruction.images.mask_radius import estimate_mask_radius
 from strand.reconstruction.images.pixel_errors import CONFUSING_CORRELATION, correlate_neighbors
-from strand.reconstruction.images.table_plane import Plane
 from strand.reconstruction.masks import (
     find_misplaced_masks,
     select_views,

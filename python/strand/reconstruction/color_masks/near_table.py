@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import strand._core as _core
+from strand.geometry.plane import Plane
 from strand.reconstruction.color_masks.color_pieces import Mask, Piece
-from strand.reconstruction.images.table_plane import Plane, find_largest_plane
+from strand.reconstruction.images.table_plane import find_largest_plane
 from strand.support.checks import Array
 from strand.support.robust import estimate_deviation
 from strand.views.pinhole import Pinhole

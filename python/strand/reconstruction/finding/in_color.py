@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
+from strand.geometry.plane import Plane
 from strand.reconstruction.color_masks.color_pieces import Piece
 from strand.reconstruction.color_masks.near_table import NearTable, find_near_table
 from strand.reconstruction.color_masks.rope_mask import search_mask
 from strand.reconstruction.finding.earlier import Window, find_window, touches_side
-from strand.reconstruction.images.table_plane import Plane
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage

@@ -9,12 +9,12 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
+from strand.geometry.plane import Plane
 from strand.reconstruction.finding.in_color import RESOLVED, ShownInColor, find_in_color, match_labels
 from strand.reconstruction.finding.standing import find_tabletop
 from strand.reconstruction.finding.strips import OtherObject, segment_ropes
 from strand.reconstruction.finding.widths import estimate_strip_radius, measure_strip_lengths
 from strand.reconstruction.images.above_table import segment_above_table
-from strand.reconstruction.images.table_plane import Plane
 from strand.reconstruction.radius import Radii
 from strand.ropes.chain import Chain
 from strand.support.checks import Array

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
+from strand.geometry.plane import Plane
 from strand.reconstruction.images.above_table import MIN_SEEN, smooth_where_seen
-from strand.reconstruction.images.table_plane import Plane, find_table
+from strand.reconstruction.images.table_plane import find_table
 from strand.support.checks import Array
 from strand.support.robust import estimate_deviation
 from strand.views.box import Box

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
+from strand.geometry.plane import Plane
 from strand.reconstruction.finding.standing import Tabletop
 from strand.reconstruction.finding.widths import measure_strip_lengths
-from strand.reconstruction.images.table_plane import Plane
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from strand.reconstruction.images.table_plane import Plane
+from strand.geometry.plane import Plane
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array

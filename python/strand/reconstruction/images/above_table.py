@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
+from strand.geometry.plane import Plane
 from strand.reconstruction.images.pixel_errors import CONFUSING_CORRELATION, correlate_neighbors
-from strand.reconstruction.images.table_plane import Plane, find_table_beside_ropes
+from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.reconstruction.stages import Observed
 from strand.support.checks import Array
 from strand.views.box import Box

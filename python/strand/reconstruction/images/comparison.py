@@ -9,12 +9,12 @@ import numpy as np
 
 from strand._core import ImageFit, RopeImages
 from strand.config import Config
+from strand.geometry.plane import Plane
 from strand.geometry.polyline import find_runs, path_length
 from strand.reconstruction.evidence.prior import LENGTH_COST, MAX_LENGTH_COST
 from strand.reconstruction.evidence.visibility import Visibility, sort_rays
 from strand.reconstruction.images.labels import count_label_changes
 from strand.reconstruction.images.pixel_errors import Errors
-from strand.reconstruction.images.table_plane import Plane
 from strand.reconstruction.stages import Observed
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage

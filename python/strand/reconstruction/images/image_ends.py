@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from strand._core import ImageFit, RopeImages
+from strand.geometry.plane import Plane
 from strand.geometry.polyline import path_length
-from strand.reconstruction.images.table_plane import Plane
 from strand.support.checks import Array
 
 _REACH = 3.0  # radii along the rope: ends are sought this far from where they are

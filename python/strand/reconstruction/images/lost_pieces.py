@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
+from strand.geometry.plane import Plane
 from strand.reconstruction.images.above_table import measure_heights, segment_above_table
-from strand.reconstruction.images.table_plane import Plane
 from strand.support.checks import Array
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage

@@ -6,10 +6,11 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
+from strand.geometry.plane import Plane
 from strand.reconstruction.images.fat_masks import slim_fat_masks
 from strand.reconstruction.images.finer_grid import magnify_thin_ropes
 from strand.reconstruction.images.prepare import prepare_images
-from strand.reconstruction.images.table_plane import Plane, find_table_beside_ropes
+from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from strand._core import ImageFit, NotEnoughDataError, RopeImages
 from strand.config import Config
+from strand.geometry.plane import Plane
 from strand.reconstruction.evidence.answer_warnings import warn_about_answer
 from strand.reconstruction.evidence.depth_errors import MIN_CORRELATION
 from strand.reconstruction.images.above_table import mask_above_table
@@ -33,7 +34,7 @@ from strand.reconstruction.images.pixel_errors import (
     measure_errors,
 )
 from strand.reconstruction.images.prepare import prepare_views
-from strand.reconstruction.images.table_plane import Plane, find_table_beside_ropes
+from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.ropes.doubt import Alternative
 from strand.support.lazy import lazy_property

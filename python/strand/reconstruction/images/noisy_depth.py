@@ -13,6 +13,7 @@ import numpy as np
 
 from strand._core import NotEnoughDataError, RopeImages
 from strand.config import Config
+from strand.geometry.plane import Plane
 from strand.geometry.polyline import path_length
 from strand.reconstruction.images.above_table import mask_above_table
 from strand.reconstruction.images.along_ropes import average_along_ropes
@@ -33,7 +34,7 @@ from strand.reconstruction.images.method import Interpretation
 from strand.reconstruction.images.outlines import average_pixels, estimate_mean_noise, outline_ropes
 from strand.reconstruction.images.pixel_errors import Errors
 from strand.reconstruction.images.prepare import prepare_images
-from strand.reconstruction.images.table_plane import Plane, find_table_beside_ropes
+from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage

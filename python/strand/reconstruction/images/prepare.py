@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from strand._core import RopeImages
+from strand.geometry.plane import Plane
 from strand.reconstruction.images.fat_masks import MAX_SHARE, MIN_WIDER, measure_excess, slim_fat_masks
 from strand.reconstruction.images.finer_grid import magnify_thin_ropes
-from strand.reconstruction.images.table_plane import Plane
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
 

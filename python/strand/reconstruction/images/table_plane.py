@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.geometry.plane import Plane as Plane
+from strand.geometry.plane import Plane
 from strand.support.checks import Array
 from strand.support.robust import estimate_deviation
 from strand.views.depth_image import DepthImage

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import strand
+from strand.geometry.plane import Plane
 from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
-from strand.reconstruction.images.table_plane import Plane
 
 R = 0.004
 NORMAL, EDGE = np.array([0.0, 0.0, 1.0]), 0.1

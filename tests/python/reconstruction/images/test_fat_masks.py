@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import strand
+from strand.geometry.plane import Plane
 from strand.reconstruction.images.fat_masks import slim_fat_masks
 from strand.reconstruction.images.prepare import prepare_views
-from strand.reconstruction.images.table_plane import Plane
 from strand.synthetic import Camera, Layout, Segmentation, scene
 from strand.views.depth_image import DepthImage
 from strand.views.pinhole import Pinhole

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from strand.geometry.plane import Plane
 from strand.reconstruction.images.facing_ends import doubt_facing_ends
 from strand.reconstruction.images.lost_pieces import add_lost_pieces
-from strand.reconstruction.images.table_plane import Plane
 from strand.views.depth_image import DepthImage
 from strand.views.pinhole import Pinhole
 

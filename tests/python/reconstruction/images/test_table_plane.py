@@ -8,7 +8,8 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from strand.reconstruction.images.table_plane import Plane, find_largest_plane, find_table_beside_ropes
+from strand.geometry.plane import Plane
+from strand.reconstruction.images.table_plane import find_largest_plane, find_table_beside_ropes
 from strand.synthetic import Camera, Segmentation, scene
 from strand.views.rope_images import make_rope_images
 
