@@ -95,8 +95,8 @@ class Model:
         also `bias` and `lateral`. `Config.sensor` takes it for similar scenes. None if not measured.
     up : (3,) ndarray
         Unit vector up from the table, world frame: the default direction of crossings, contacts, grasps and
-        pulls. Of a reconstruction it is the table's normal if the views show a table, else the side that the
-        cameras look from. z of the world frame unless given.
+        pulls. `reconstruct` gives the normal of the table, else that of the plane of flat ropes, else
+        the side that the cameras look from. z of the world frame unless given.
     table : Plane or None
         The table that the views show: its unit normal n towards the cameras, world frame, and n.x of its top,
         metres. None if they show none.

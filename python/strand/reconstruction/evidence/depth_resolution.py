@@ -1,4 +1,4 @@
-"""What depth can show of a rope: steps that are wider than ropes hide them, and so do a matcher's windows."""
+"""Tell which ropes depth can show: wide steps hide thin ones, and so do a matcher's windows."""
 
 from __future__ import annotations
 
