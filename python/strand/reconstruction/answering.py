@@ -21,7 +21,7 @@ from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.ropes.model import Model
 from strand.support.checks import Array
-from strand.views.view import View
+from strand.views.view import View, placed
 
 _HASTE_DOUBT = 0.3  # doubt of an answer for which the deadline made strand skip something
 
@@ -85,11 +85,12 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
 def _describe_chains(chains: Sequence[Chain], views: Sequence[View], poses: Sequence[Array]) -> list[Chain]:
     """Return chains with their labels, colours and hidden ends, as views with these poses show them."""
     hidden = find_hidden_ends(chains, views, poses)
+    views = [placed(view, pose) for view, pose in zip(views, poses, strict=True)]
     return [
         replace(
             chain,
-            label=find_label(chain, views, poses),
-            color=find_color(chain, views, poses),
+            label=find_label(chain, views),
+            color=find_color(chain, views),
             hidden_ends=ends,
         )
         for chain, ends in zip(chains, hidden, strict=True)

@@ -91,6 +91,12 @@ class DepthImage:
         """Return the (N, 2) columns and rows of points (N, 3) of the world, pixels."""
         return self.camera.project((points - self.pose[:3, 3]) @ self.pose[:3, :3])
 
+    def find_pixels(self, points: Array) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+        """Return rows and columns (N,) of points (N, 3) of the world, and which of these are in the image."""
+        columns, rows = np.rint(self.project(points)).astype(np.int64).T
+        height, width = self.depth.shape
+        return rows, columns, (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+
     def lift(self, rows: Pixels, columns: Pixels, z: Array) -> Array:
         """Return the points (..., 3) of the world that pixels show at depths z, metres."""
         return moved(self.camera.lift(rows, columns, z), self.pose)

@@ -131,7 +131,7 @@ class View:
             still show which space is free.
         occluders : (H, W) array_like of bool, optional
             The pixels of the robot or of a hand, for instance from the robot's own model. They are no rope,
-            whatever `mask` says, and their depths are dropped. What lies behind them is hidden, not free: a
+            whatever `mask` says, and their depths are dropped. Space behind them is hidden, not free: a
             rope may go on there, and where it ends there, `Chain.hidden_ends` says so.
 
         Returns
@@ -396,9 +396,7 @@ def masked(view: View, image: DepthImage) -> View:
     if view.image is not None:
         colors = None if view.colors is None else view.colors[image.mask[image.depth > 0]]
         return View._build(None, image, view.pose, view.dropped, colors)
-    columns, rows = np.rint(image.project(view.world_points)).astype(np.int64).T
-    height, width = image.mask.shape
-    inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+    rows, columns, inside = image.find_pixels(view.world_points)
     inside[inside] = image.mask[rows[inside], columns[inside]]
     return view.select(inside)
 

@@ -83,7 +83,7 @@ def _refine(
     rows, columns = np.nonzero(near)
     pixels = lab[:, rows, columns].T.astype(np.float64)
     ground = _average_around(lab, away > _AWAY * half_width + 2.0, rows, columns, _AROUND * half_width)
-    from_ground = _measure_from_line(pixels, ground, _TABLE_SHADE)
+    from_ground = measure_from_line(pixels, ground, _TABLE_SHADE)
     usual = np.median(ground, axis=0)
     best, share = np.full(len(rows), np.inf), np.zeros(len(rows))
     labels = np.zeros(len(rows), dtype=np.int32)
@@ -92,7 +92,7 @@ def _refine(
         if not len(own):
             own = lab[:, rough == label].T.astype(np.float64)
         for color in _find_colors(own, usual) if len(own) else ():
-            away_from = _measure_from_line(pixels, color[None], _ROPE_SHADE)
+            away_from = measure_from_line(pixels, color[None], _ROPE_SHADE)
             # what is like neither belongs to something else
             away_from[away_from > _UNLIKE * np.linalg.norm(color - ground, axis=1) + _MAX_BACKGROUND] = np.inf
             if half_width < _THIN:
@@ -159,7 +159,7 @@ def _find_colors(own: Array, ground: Array) -> list[Array]:
     if turned < _TWO_COLORS or min(share, 1.0 - share) < _MIN_SECOND:
         return [middle]
     # a rough mask may hold background and shadows
-    differences = [float(_measure_from_line(mean[None], ground[None], _TABLE_SHADE)[0]) for mean in means]
+    differences = [float(measure_from_line(mean[None], ground[None], _TABLE_SHADE)[0]) for mean in means]
     best, other = (0, 1) if differences[0] >= differences[1] else (1, 0)
     if differences[other] < min(_BACKGROUND * differences[best], _MAX_BACKGROUND):
         return [means[best]]
@@ -176,7 +176,7 @@ def _is_mixed(color: Array, rope: Array, ground: Array) -> bool:
     return bool(rank == 2 and shares.min() > 0.0 and lit and residual < _MAX_RESIDUAL)
 
 
-def _measure_from_line(pixels: Array, colors: Array, shade: tuple[float, float]) -> Array:
+def measure_from_line(pixels: Array, colors: Array, shade: tuple[float, float]) -> Array:
     """Return (N,) differences of (N, 3) colours from others in more or less light."""
     black = np.array([_BLACK, 0.0, 0.0])
     full, own = colors - black, pixels - black

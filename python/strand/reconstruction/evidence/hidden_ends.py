@@ -107,9 +107,7 @@ def _find_behind(image: DepthImage, places: Array) -> NDArray[np.bool_]:
     """(N,) Tell which places project on occluders."""
     found = np.zeros(len(places), dtype=bool)
     ahead = (places - image.pose[:3, 3]) @ image.pose[:3, 2] > 0
-    columns, rows = np.rint(image.project(places[ahead])).astype(np.int64).T
-    height, width = image.depth.shape
-    inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+    rows, columns, inside = image.find_pixels(places[ahead])
     assert image.occluders is not None
     found[np.flatnonzero(ahead)[inside]] = image.occluders[rows[inside], columns[inside]]
     return found

@@ -49,10 +49,9 @@ def _hides(image: DepthImage | None, places: Array, radius: float) -> bool:
     """Tell whether an image shows something clearly in front of one of (N, 3) places."""
     if image is None:
         return False
-    columns, rows = np.rint(image.project(places)).astype(np.int64).T
+    rows, columns, inside = image.find_pixels(places)
     away = (places - image.pose[:3, 3]) @ image.pose[:3, 2]
-    height, width = image.depth.shape
-    inside = (away > 0) & (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+    inside &= away > 0
     shown = image.depth[rows[inside], columns[inside]]
     before = away[inside] - shown
     on_rope = image.mask[rows[inside], columns[inside]]

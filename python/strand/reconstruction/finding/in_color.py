@@ -13,6 +13,7 @@ import strand._core as _core
 from strand.geometry.plane import Plane
 from strand.reconstruction.color_masks.color_pieces import Piece
 from strand.reconstruction.color_masks.near_table import NearTable, find_near_table
+from strand.reconstruction.color_masks.refinement import measure_from_line
 from strand.reconstruction.color_masks.rope_mask import search_mask
 from strand.reconstruction.finding.earlier import Window, find_window, touches_side
 from strand.ropes.chain import Chain
@@ -20,7 +21,6 @@ from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 
 RESOLVED = 0.5  # radii: where the table's depths scatter less, height shows ropes
-_BLACK = -16.0  # Lab: light of black on lines of one hue
 _SAME_HUE = 5.0  # Lab: shades of one colour differ by less beside their light
 _BESIDE = 4  # pixels around a mask: heights are blurred that far
 _MISSED_SCATTERS = 4.0  # scatters of the table's heights: what is higher stands on it
@@ -116,13 +116,11 @@ def _measure_radius(mask: NDArray[np.bool_], radius: float, radius_px: float) ->
 
 def _are_shaded(pieces: list[Piece]) -> bool:
     """Tell whether most pieces differ from the background in light alone."""
-    black = np.array([_BLACK, 0.0, 0.0])
     shaded = total = 0.0
     for piece in pieces:
-        own, table = piece.color - black, piece.background - black
-        part = float(own @ table) / max(float(table @ table), 1e-9)
+        (away,) = measure_from_line(piece.color[None], piece.background[None], (-math.inf, math.inf))
         total += piece.length
-        shaded += piece.length * bool(np.linalg.norm(own - part * table) < _SAME_HUE)
+        shaded += piece.length * bool(away < _SAME_HUE)
     return shaded > 0.5 * total
 
 

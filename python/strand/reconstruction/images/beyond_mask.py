@@ -86,9 +86,7 @@ def _measure_heights(view: DepthImage, places: Array, along: Array, radius: floa
 
 def _look_up_depth(view: DepthImage, places: Array) -> Array:
     """(K,) Return the depth of places' pixels, metres; NaN where there is none."""
-    columns, rows = np.rint(view.project(places)).astype(np.int64).T
-    height, width = view.depth.shape
-    inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+    rows, columns, inside = view.find_pixels(places)
     found = np.full(len(places), np.nan)
     found[inside] = view.depth[rows[inside], columns[inside]]
     found[~(found > 0)] = np.nan

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from strand.geometry.polyline import path_length
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
 
@@ -43,7 +44,7 @@ def doubt_facing_ends(chains: Sequence[Array], radius: float) -> Iterator[Doubt]
 
 def _find_heading(nodes: Array, radius: float) -> Array:
     """(3,) Return the unit direction in which a rope leaves its first node."""
-    from_end = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1))])
+    from_end = path_length(nodes)
     first, last = (
         np.array([np.interp(place * radius, from_end, axis) for axis in nodes.T])
         for place in (_FROM_END, _FROM_END + _HEADING)

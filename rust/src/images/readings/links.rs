@@ -265,34 +265,34 @@ pub fn make_link(
 
 /// Prices a curve: bending, its change, tube outside the mask, kinks.
 pub fn price_curve(silhouette: &Silhouette, p: &[Place]) -> f64 {
-    let bare = |x: Place| if silhouette.hidden(x) { 0.0 } else { leave(silhouette, x).max(0.0) };
-    price_bends(silhouette, p) + OUTSIDE * p.iter().map(|&x| bare(x)).sum::<f64>() * STEP
+    price_ways_out(silhouette, p, |out, _| out)
 }
 
 /// Prices a rope's whole course: as a curve, but farther from the mask only where the camera saw through.
 ///
 /// The rest of a gap is priced where pieces are joined.
 pub fn price_course(silhouette: &Silhouette, p: &[Place]) -> f64 {
-    let bare = |x: Place| {
-        let out = leave(silhouette, x).max(0.0);
+    price_ways_out(silhouette, p, |out, x| {
         let gap = out > MAX_OUTSIDE && !matches!(silhouette.shown(x), Shown::Behind);
-        if gap || silhouette.hidden(x) { 0.0 } else { out.min(MAX_OUTSIDE) }
+        if gap { 0.0 } else { out.min(MAX_OUTSIDE) }
+    })
+}
+
+/// Prices bends, kinks, and at each place that nothing hides, how far the tube leaves the mask, image radii.
+fn price_ways_out(silhouette: &Silhouette, p: &[Place], weigh: impl Fn(f64, Place) -> f64) -> f64 {
+    let bare = |x: Place| {
+        if silhouette.hidden(x) {
+            return 0.0;
+        }
+        weigh((WITHIN - silhouette.distance(x) / silhouette.radius_px).max(0.0), x)
     };
-    price_bends(silhouette, p) + OUTSIDE * p.iter().map(|&x| bare(x)).sum::<f64>() * STEP
-}
-
-/// How far the tube around a place leaves the mask, image radii; negative inside.
-fn leave(silhouette: &Silhouette, x: Place) -> f64 {
-    WITHIN - silhouette.distance(x) / silhouette.radius_px
-}
-
-fn price_bends(silhouette: &Silhouette, p: &[Place]) -> f64 {
+    let outside: f64 = p.iter().map(|&x| bare(x)).sum::<f64>() * STEP;
     let (bent, change) = bending(p, silhouette.radius_px);
     let sharp = p.windows(3).any(|w| {
         let (d, e) = ([w[1][0] - w[0][0], w[1][1] - w[0][1]], [w[2][0] - w[1][0], w[2][1] - w[1][1]]);
         (d[0] * e[1] - d[1] * e[0]).atan2(d[0] * e[0] + d[1] * e[1]).abs() > MAX_TURN
     });
-    BENDING * bent + CHANGE * change + if sharp { KINK } else { 0.0 }
+    BENDING * bent + CHANGE * change + OUTSIDE * outside + if sharp { KINK } else { 0.0 }
 }
 
 /// Makes a rope's end inside a zone: straight from a port as far as the mask reaches. A stub may be dropped.
