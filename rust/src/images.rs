@@ -4,10 +4,12 @@
 //! the rope's radius in space.
 
 pub mod color;
+pub mod heights;
 pub mod image;
 pub mod imagefit;
 pub mod mending;
 pub mod outline;
+pub mod planes;
 pub mod readings;
 mod relief;
 pub mod silhouette;

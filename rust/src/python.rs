@@ -10,6 +10,7 @@ mod density;
 mod errors;
 mod filter;
 mod fit;
+mod heights;
 mod icp;
 mod image_fit;
 mod images;
@@ -128,6 +129,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(masks::measure_edge_distances, module)?)?;
     module.add_function(wrap_pyfunction!(masks::find_short_outlines, module)?)?;
     module.add_function(wrap_pyfunction!(masks::estimate_mask_radius, module)?)?;
+    module.add_function(wrap_pyfunction!(heights::measure_heights, module)?)?;
+    module.add_function(wrap_pyfunction!(heights::find_standing, module)?)?;
+    module.add_function(wrap_pyfunction!(heights::find_fullest_plane, module)?)?;
     module.add_function(wrap_pyfunction!(colors::convert_to_lab, module)?)?;
     module.add_function(wrap_pyfunction!(colors::find_strips, module)?)?;
     module.add_function(wrap_pyfunction!(colors::find_color_pieces, module)?)?;

@@ -128,11 +128,11 @@ def segment_above_table(
 ) -> NDArray[np.bool_]:
     """(H, W) Return the pixels in bounds whose smoothed height is that of a rope of a radius, metres."""
     above, seen, pixels = measure_heights(image, table, bounds, radius)
-    if not seen.any() or pixels > _MAX_RADIUS * max(image.mask.shape):
-        return np.zeros_like(image.mask)
-    cut = np.clip(above, MIN_HEIGHT * radius, MAX_HEIGHT * radius)
-    smooth, shares = smooth_where_seen(cut, seen, max(_SMOOTHING * pixels, _MIN_SMOOTHING))
-    return np.asarray((smooth > _EDGE_HEIGHT * radius) & (shares > MIN_SEEN))
+    if pixels == 0.0 or pixels > _MAX_RADIUS * max(image.depth.shape):
+        return np.zeros(image.depth.shape, dtype=bool)
+    kernel = make_gaussian_kernel(max(_SMOOTHING * pixels, _MIN_SMOOTHING))
+    heights = (MIN_HEIGHT * radius, MAX_HEIGHT * radius)
+    return _core.find_standing(above, seen, heights, kernel, _EDGE_HEIGHT * radius, MIN_SEEN)
 
 
 def measure_heights(
@@ -158,17 +158,15 @@ def measure_heights(
     pixels : float
         The radius at the median depth of these, pixels; 0 if there are none.
     """
-    height, width = image.depth.shape
-    z = image.depth
-    seen = z > 0
-    rows, columns = np.mgrid[:height, :width]
-    world = image.lift(rows, columns, z)
-    above = table.measure_heights(world)
+    within = None
     if bounds is not None:
         # where a rope's axis would be, whatever the noise
-        axis = world + (radius - above)[..., None] * table.normal
-        seen &= bounds.holds(axis, radius)
-    pixels = radius * image.camera.focal[0] / float(np.median(z[seen])) if seen.any() else 0.0
+        grown = bounds.grown(radius)
+        within = (grown.low, grown.high, np.eye(4) if grown.pose is None else grown.pose)
+    above, seen, distance = _core.measure_heights(
+        image.depth, image.camera, image.pose, table, within, radius
+    )
+    pixels = 0.0 if distance is None else radius * image.camera.focal[0] / distance
     return above, seen, pixels
 
 

@@ -12,7 +12,6 @@ from strand.support.robust import estimate_deviation
 from strand.views.depth_image import DepthImage
 
 _SEED = 0  # of the draws of three points that planes are tried through
-_PLANES_AT_ONCE = 20  # planes that are compared with points in one step
 
 # a plane among all points
 _MAX_POINTS_COMPARED = 3000  # points that planes are compared with
@@ -154,16 +153,7 @@ def _select_plane(
         return None
     normals = normals[kept] / areas[kept, None]
     offsets = (normals * corners[kept, 0]).sum(axis=1)
-    # a product of matrices would wake threads of BLAS
-    x, y, z = points.T.copy()
-    best, most = 0, -1
-    for first in range(0, len(normals), _PLANES_AT_ONCE):
-        some = slice(first, first + _PLANES_AT_ONCE)
-        nx, ny, nz = normals[some].T[:, :, None]
-        away = np.abs(nx * x + ny * y + nz * z - offsets[some, None])
-        counts = np.count_nonzero(away < width, axis=1)
-        if counts.max() > most:
-            best, most = first + int(counts.argmax()), int(counts.max())
+    best = _core.find_fullest_plane(normals, offsets, points, width)
     return normals[best], float(offsets[best])
 
 
@@ -220,18 +210,19 @@ def _select_beside(image: DepthImage, reach: int, depth: Array) -> Array:
 
     Their depths are given, (H, W) metres.
     """
-    rows, columns = (np.flatnonzero(image.mask.any(axis=axis)) for axis in (1, 0))
-    height, width = image.mask.shape
+    mask = image.mask
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    height, width = mask.shape
     top, bottom = max(rows[0] - reach, 0), min(rows[-1] + reach + 1, height)
     left, right = max(columns[0] - reach, 0), min(columns[-1] + reach + 1, width)
     step = max(int(np.sqrt((bottom - top) * (right - left) / (2.0 * _POINTS_BESIDE))), 1)
     z = depth[top:bottom:step, left:right:step]
     kept = z > 0
     steps = (-_MARGIN, 0, _MARGIN)
-    down = [np.clip(np.arange(top, bottom, step) + dv, 0, height - 1) for dv in steps]
-    for du in steps:
-        beside = image.mask[:, np.clip(np.arange(left, right, step) + du, 0, width - 1)]
-        for chosen in down:
-            kept &= ~beside[chosen]
+    across = [np.clip(np.arange(left, right, step) + du, 0, width - 1) for du in steps]
+    for dv in steps:
+        down = np.clip(np.arange(top, bottom, step) + dv, 0, height - 1)
+        for chosen in across:
+            kept &= ~mask[down[:, None], chosen]
     v, u = np.nonzero(kept)
     return image.lift(top + step * v, left + step * u, z[kept])
