@@ -321,6 +321,15 @@ def _try_images_first(observed: Observed, config: Config, run: Run, tubes: _Atte
         reading = read_images(observed, config, run)
     except NotEnoughDataError:
         return find_tubes(observed, config, run) if tubes is None else tubes.take(run)
+    found = _choose_by_images(reading, observed, config, run, tubes)
+    # tubes that were known stay the same object
+    return replace(found, sought=reading.sought) if tubes is None else found
+
+
+def _choose_by_images(
+    reading: Interpretation, observed: Observed, config: Config, run: Run, tubes: _Attempt | None
+) -> Found:
+    """Return the answer of readings of masked images or of tubes, whichever is likelier."""
     own = run.fork()
     images = _Attempt(make_answer(reading, observed, config, own), own)
     noisy = reading.explanations[0].fit.noise > _SMALL_NOISE

@@ -159,11 +159,9 @@ def _explain_small_mask(view: View, radius: float) -> str | None:
     image, mask = view.image, view.mask
     if image is None or mask is None:
         return None
-    depths = image.depth[mask]
-    seen = depths[depths > 0]
-    if not len(seen):
+    if np.isnan(image.distance):
         return None
-    across = radius * max(image.camera.focal) / float(np.median(seen))
+    across = radius * max(image.camera.focal) / image.distance
     largest = _core.measure_largest_blob(mask)
     if largest >= _MIN_AREA * across**2:
         return None
@@ -200,7 +198,7 @@ def _find_mask(view: View, bounds: Box | None) -> DepthImage | None:
     image = view.image
     if image is None or image.labels is None or (bounds is not None and image.mask.all()):
         return None
-    return replace(image, labels=image.mask)
+    return image if image.mask is image.labels else replace(image, labels=image.mask)
 
 
 def _shows_rope(

@@ -7,9 +7,12 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from strand._core import EndObservation
+from strand.geometry.plane import Plane
 from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.radius import Radii
 from strand.ropes.chain import Chain
@@ -146,6 +149,20 @@ class Observed:
         return min(range(len(self.views)), key=lambda place: abs(self.numbers[place] - middle))
 
 
+class SoughtTable(NamedTuple):
+    """The table beside ropes of a radius, metres, in an image, world frame; None if it shows none."""
+
+    image: DepthImage
+    radius: float
+    table: Plane | None
+
+    def holds_for(self, image: DepthImage, radius: float) -> bool:
+        """Tell whether the table beside ropes of a radius, metres, is the same in another image."""
+        own = self.image
+        same = image.depth is own.depth and image.pose is own.pose and radius == self.radius
+        return same and bool(np.array_equal(image.mask, own.mask))
+
+
 @dataclass(frozen=True, eq=False)
 class Found:
     """The answer of a method for the views that show ropes.
@@ -175,6 +192,8 @@ class Found:
         Where views show the ends of the curves of "fit".
     all_rings : bool
         Whether the method took all ropes for rings, as the caller said.
+    sought : SoughtTable or None
+        The table beside the ropes, if the method sought it.
     """
 
     chains: list[Chain]
@@ -188,3 +207,4 @@ class Found:
     sensor: Sensor | None = None
     ends: tuple[EndObservation, ...] = ()
     all_rings: bool = False
+    sought: SoughtTable | None = None

@@ -10,7 +10,7 @@ import numpy as np
 from strand.geometry.plane import Plane
 from strand.reconstruction.images.table_plane import find_table, find_table_beside_ropes
 from strand.reconstruction.observing import Scene
-from strand.reconstruction.stages import Found
+from strand.reconstruction.stages import Found, SoughtTable
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.ropes.model import Model
@@ -129,14 +129,14 @@ def _find_table(scene: Scene, found: Found) -> Plane | None:
         number = observed.numbers[place]
         table = scene.tables[number] if scene.tables else None
         if table is None and place == first:
-            table = _find_in_view(observed.views[place], observed.whole[place], scene)
+            table = _find_in_view(observed.views[place], observed.whole[place], scene, found.sought)
         if table is not None:
             given = observed.views[place].pose
             return table.moved(found.poses[place] @ np.linalg.inv(given))
     return None
 
 
-def _find_in_view(view: View, whole: View, scene: Scene) -> Plane | None:
+def _find_in_view(view: View, whole: View, scene: Scene, sought: SoughtTable | None) -> Plane | None:
     """Return the table beside the ropes in a depth image, or the table that most points of a cloud lie on."""
     if whole.image is None:
         points = whole.points[:: max(len(whole.points) // _MAX_POINTS, 1)]
@@ -144,4 +144,6 @@ def _find_in_view(view: View, whole: View, scene: Scene) -> Plane | None:
         return None if table is None else table.moved(whole.pose)
     observed = scene.observed
     (image,) = make_rope_images([view], [whole], observed.bounds)
+    if sought is not None and sought.holds_for(image, observed.radius):
+        return sought.table
     return find_table_beside_ropes(image, observed.radius) if image.mask.any() else None

@@ -46,7 +46,7 @@ class DepthImage:
             if array is not None:
                 array.setflags(write=False)
 
-    @property
+    @lazy_property
     def mask(self) -> NDArray[np.bool_]:
         """(H, W) The ropes' pixels: those that have a label, all if there are no labels; never occluders."""
         if self.labels is None:
@@ -66,10 +66,14 @@ class DepthImage:
         return self.depth if self.occluders is None else np.where(self.occluders, _NEAREST, self.depth)
 
     @lazy_property
+    def mask_depths(self) -> Array:
+        """(N,) The depths of the ropes' pixels, row by row, metres; 0 where there is no return."""
+        return self.depth[self.mask]
+
+    @lazy_property
     def distance(self) -> float:
         """The median depth of the ropes' pixels, metres; NaN if none has depth."""
-        depths = self.depth[self.mask]
-        depths = depths[depths > 0]
+        depths = self.mask_depths[self.mask_depths > 0]
         return float(np.median(depths)) if len(depths) else float("nan")
 
     def frame_mask(self, margin: int) -> tuple[slice, slice]:

@@ -55,7 +55,7 @@ def _mark_rope_pixels(image: DepthImage, view: View, bounds: Box | None, margin:
         return replace(image, labels=mask)
     mask = image.mask
     if bounds is None:
-        return replace(image, labels=mask)
+        return image if mask is image.labels else replace(image, labels=mask)
     rows, columns = np.nonzero(mask & (image.depth > 0))
     outside = ~bounds.holds(image.lift(rows, columns, image.depth[rows, columns]), margin)
     mask = mask.copy()

@@ -218,7 +218,8 @@ class View:
         """(N, 3) Points in the camera frame, metres: those inside the mask, if there is one."""
         if self._points is None:
             assert self._image is not None
-            points = _core.unproject(self._image.rope_depth, *self._image.camera)
+            mask = None if self._image.labels is None else self._image.mask
+            points = _core.unproject(self._image.depth, *self._image.camera, mask)
             points.setflags(write=False)
             self._points = points
         return self._points

@@ -55,6 +55,18 @@ pub(crate) fn cleaned(mut depth: Vec<f64>, farthest: f64) -> Result<(Vec<f64>, u
     Ok((depth, dropped))
 }
 
+/// Returns the points of a depth image's pixels inside a mask, as [`unproject`] does.
+pub(crate) fn unproject_masked(depth: &[f64], mask: &[bool], width: usize, camera: Pinhole) -> Vec<Point> {
+    let mut points = Vec::with_capacity(mask.iter().filter(|&&inside| inside).count());
+    let rows = depth.chunks_exact(width.max(1)).zip(mask.chunks_exact(width.max(1)));
+    for (v, (depth, mask)) in rows.enumerate() {
+        for u in (0..width).filter(|&u| mask[u] && has_return(depth[u])) {
+            points.push(camera.point(u as f64, v as f64, depth[u]));
+        }
+    }
+    points
+}
+
 /// Returns the points of a depth image in the camera frame, row by row: x = (u − cx) z / fx, y = (v − cy) z / fy.
 pub(crate) fn unproject(depth: &[f64], width: usize, camera: Pinhole) -> Vec<Point> {
     let mut points = Vec::with_capacity(depth.len());
@@ -127,6 +139,10 @@ mod tests {
         let camera = Pinhole { focal: [2.0, 4.0], center: [1.0, 0.0] };
         let depth = [0.0, 2.0, f64::NAN, 4.0, f64::INFINITY, 0.0];
         assert_eq!(unproject(&depth, 3, camera), [[0.0, 0.0, 2.0], [-2.0, 1.0, 4.0]]);
+        let mut mask = vec![true; depth.len()];
+        assert_eq!(unproject_masked(&depth, &mask, 3, camera), unproject(&depth, 3, camera));
+        mask[depth.iter().position(|&z| z == 2.0).unwrap()] = false;
+        assert_eq!(unproject_masked(&depth, &mask, 3, camera), [[-2.0, 1.0, 4.0]]);
         assert_eq!(cleaned(depth.to_vec(), 4.0).unwrap(), (vec![0.0, 2.0, 0.0, 4.0, 0.0, 0.0], 2));
         assert!(cleaned(depth.to_vec(), 3.9).is_err());
         assert!(cleaned(vec![-1.0], 4.0).is_err());

@@ -27,10 +27,10 @@ pub fn median_of_many(values: Vec<f64>) -> Option<f64> {
     let middle = sample.len() / 2;
     let (low, high) = (sample[middle - SPAN], sample[middle + SPAN]);
     let below = values.iter().filter(|&&value| value < low).count();
-    let mut near: Vec<f64> =
-        values.iter().copied().filter(|&value| value >= low && value <= high).collect();
+    let mut near: Vec<f64> = values.iter().copied().filter(|&value| value >= low && value <= high).collect();
     // both middle values of an even number must be among these
-    let Some(half) = (values.len() / 2).checked_sub(below).filter(|&half| half > 0 && half < near.len()) else {
+    let Some(half) = (values.len() / 2).checked_sub(below).filter(|&half| half > 0 && half < near.len())
+    else {
         return median(values);
     };
     let odd = values.len() % 2 == 1;

@@ -218,8 +218,7 @@ mod tests {
     }
 
     fn pixels(depth: &[f64]) -> DepthPixels<'_> {
-        let rows =
-            [[0.8, 0.0, 0.6, 0.1], [0.0, 1.0, 0.0, -0.2], [-0.6, 0.0, 0.8, 0.3], [0.0, 0.0, 0.0, 1.0]];
+        let rows = [[0.8, 0.0, 0.6, 0.1], [0.0, 1.0, 0.0, -0.2], [-0.6, 0.0, 0.8, 0.3], [0.0, 0.0, 0.0, 1.0]];
         let camera = Pinhole { focal: [90.0, 95.0], center: [33.0, 26.5] };
         DepthPixels { depth, width: WIDTH, camera, pose: RigidMotion::from_rows(&rows).unwrap() }
     }
@@ -269,7 +268,8 @@ mod tests {
         let sums = padded(&|k| above[k].clamp(-0.1, 0.05) as f32);
         let weights = padded(&|_| 1.0);
         for k in 0..depth.len() {
-            let (sum, weight) = (sums.at(k % WIDTH + 2, k / WIDTH + 2), weights.at(k % WIDTH + 2, k / WIDTH + 2));
+            let (sum, weight) =
+                (sums.at(k % WIDTH + 2, k / WIDTH + 2), weights.at(k % WIDTH + 2, k / WIDTH + 2));
             assert_eq!(found[k], sum / weight.max(1e-9) > 0.01 && weight > 0.9);
         }
         assert!(found.contains(&true) && found.contains(&false));

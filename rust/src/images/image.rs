@@ -252,19 +252,7 @@ pub fn measure_distances(image: &Image<bool>, of: bool, most: usize) -> Image<f3
     let mut along = vec![0u32; w * h];
     along_columns(image, of, far, &mut along);
     parallel::rows(&mut found.values, w, |first, part| {
-        let (mut sites, mut starts) = (Vec::new(), Vec::new());
-        for (n, to) in part.chunks_exact_mut(w).enumerate() {
-            let row = (first + n) * w..(first + n + 1) * w;
-            find_nearest_of_row(
-                &image.values[row.clone()],
-                &along[row],
-                of,
-                far,
-                to,
-                &mut sites,
-                &mut starts,
-            );
-        }
+        find_nearest(image, &along, of, far, first, part);
     });
     found
 }
@@ -291,14 +279,43 @@ kernel! {
     }
 }
 
+kernel! {
+    /// Finds the distances of the `of` pixels of rows, from row `first` on, from those along the columns.
+    fn find_nearest<S>(
+        _,
+        image: &Image<bool>,
+        along: &[u32],
+        of: bool,
+        far: u32,
+        first: usize,
+        to: &mut [f32],
+    ) {
+        let w = image.width;
+        let (mut sites, mut starts) = (Vec::new(), Vec::new());
+        for (n, to) in to.chunks_exact_mut(w).enumerate() {
+            let row = (first + n) * w..(first + n + 1) * w;
+            find_nearest_of_row(
+                &image.values[row.clone()],
+                &along[row],
+                of,
+                far,
+                to,
+                &mut sites,
+                &mut starts,
+            );
+        }
+    }
+}
+
 /// Finds the distances of a row's `of` pixels from those along the columns.
+#[inline(always)]
 fn find_nearest_of_row(
     values: &[bool],
     from: &[u32],
     of: bool,
     far: u32,
     to: &mut [f32],
-    sites: &mut Vec<usize>,
+    sites: &mut Vec<u32>,
     starts: &mut Vec<f32>,
 ) {
     let w = values.len();
@@ -310,14 +327,16 @@ fn find_nearest_of_row(
         if sites.is_empty() {
             to[begin..end].fill(far as f32);
         }
+        let mut first = begin;
         for (k, &site) in sites.iter().enumerate() {
-            let first = starts[k].ceil().max(begin as f32) as usize;
             let last = starts.get(k + 1).map_or(end, |next| (next.ceil().max(0.0) as usize).min(end));
-            let down = (from[site] * from[site]) as f32;
-            for x in first..last {
-                let away = x as f32 - site as f32;
-                to[x] = (away * away + down).sqrt();
+            let down = from[site as usize] as f32;
+            let down = down * down;
+            for (x, to) in (first as u32..).zip(&mut to[first..last.max(first)]) {
+                let away = x.wrapping_sub(site) as i32 as f32;
+                *to = (away * away + down).sqrt();
             }
+            first = first.max(last);
         }
         begin = find_next(values, end, of);
     }
@@ -325,31 +344,28 @@ fn find_nearest_of_row(
 
 /// Finds the lower envelope of the parabolas (x − i)² + g(i)² over columns `begin` to `end`, and where each begins to
 /// be lowest; skips those with g(i) = `far`.
-fn find_envelope(
-    g: &[u32],
-    begin: usize,
-    end: usize,
-    far: u32,
-    sites: &mut Vec<usize>,
-    starts: &mut Vec<f32>,
-) {
+#[inline(always)]
+fn find_envelope(g: &[u32], begin: usize, end: usize, far: u32, sites: &mut Vec<u32>, starts: &mut Vec<f32>) {
     sites.clear();
     starts.clear();
     for i in (begin..end).filter(|&i| g[i] < far) {
-        let high = |i: usize| (i * i) as f32 + (g[i] * g[i]) as f32;
+        // whole numbers of an image's size are exact
+        let (across, down) = (i as u32 as f32, g[i] as f32);
+        let high = across * across + down * down;
         loop {
             let Some(&last) = sites.last() else {
-                sites.push(i);
+                sites.push(i as u32);
                 starts.push(f32::NEG_INFINITY);
                 break;
             };
-            let meet = (high(i) - high(last)) / (2 * (i - last)) as f32;
+            let (across, down) = (last as f32, g[last as usize] as f32);
+            let meet = (high - (across * across + down * down)) / (2 * (i as u32 - last)) as f32;
             if meet <= *starts.last().unwrap_or(&f32::NEG_INFINITY) {
                 sites.pop();
                 starts.pop();
                 continue;
             }
-            sites.push(i);
+            sites.push(i as u32);
             starts.push(meet);
             break;
         }

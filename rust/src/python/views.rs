@@ -3,7 +3,7 @@
 use numpy::PyArray1;
 use pyo3::prelude::*;
 
-use super::arguments::{FloatArray, Points, motion, motions, require_same_length, wrong_shape};
+use super::arguments::{Array, FloatArray, Points, motion, motions, require_same_length, wrong_shape};
 use super::arrays::{PointsArray, constant, constant_points, list};
 use super::released::{CHEAP, released, released_if_many};
 use crate::clouds::crop::DepthView;
@@ -34,19 +34,27 @@ pub(super) fn copy_constant<'py>(py: Python<'py>, points: &Bound<'py, PyAny>) ->
     constant(py, points.into_values(), [rows, 3])
 }
 
-/// Return the points of a depth image; see `strand.View.from_depth`.
+/// Return the points of a depth image, those inside a mask (H, W) if there is one; see `strand.View.from_depth`.
 #[pyfunction]
+#[pyo3(signature = (depth, focal, center, mask=None))]
 pub(super) fn unproject<'py>(
     py: Python<'py>,
     depth: &Bound<'py, PyAny>,
     focal: [f64; 2],
     center: [f64; 2],
+    mask: Option<Bound<'py, PyAny>>,
 ) -> PyResult<PointsArray<'py>> {
     let image = FloatArray::new("depth", depth)?;
-    let ([_, width], camera) = (image.image_shape("depth")?, Pinhole { focal, center });
+    let ([height, width], camera) = (image.image_shape("depth")?, Pinhole { focal, center });
+    let mask = mask.map(|mask| Array::mask("mask", &mask)).transpose()?;
+    if let Some(mask) = mask.as_ref().filter(|mask| mask.shape() != [height, width]) {
+        return Err(wrong_shape("mask", &format!("({height}, {width})"), mask.shape()));
+    }
     let pixels = image.slice().len();
-    let points =
-        released_if_many(py, pixels / CHEAP, move || depth::unproject(image.slice(), width, camera))?;
+    let points = released_if_many(py, pixels / CHEAP, move || match mask {
+        Some(mask) => depth::unproject_masked(image.slice(), mask.slice(), width, camera),
+        None => depth::unproject(image.slice(), width, camera),
+    })?;
     constant_points(py, points)
 }
 

@@ -10,6 +10,8 @@ import pytest
 
 import strand
 from strand.geometry.plane import Plane
+from strand.reconstruction import upwards
+from strand.reconstruction.stages import SoughtTable
 from strand.synthetic import Segmentation
 from strand.views.view import cropped, placed
 
@@ -196,3 +198,18 @@ def test_the_published_method_has_a_table_too():
     views, bounds = put(scene, motion)
     model = strand.reconstruct(views, scene.radius, bounds, config=strand.Config.published())
     assert model.up == pytest.approx(motion[:3, :3] @ UP, abs=0.02)
+
+
+def test_the_table_beside_masks_is_sought_once(monkeypatch):
+    scene = draw("overhand", masked=True)
+    expected = strand.reconstruct(scene.views, scene.radius).table
+    images = [view.image for view in scene.views]
+    sought = upwards.find_table_beside_ropes(images[0], scene.radius)
+    np.testing.assert_array_equal(expected.normal, sought.normal)
+    monkeypatch.setattr(upwards, "find_table_beside_ropes", None)
+    again = strand.reconstruct(scene.views, scene.radius).table
+    np.testing.assert_array_equal(again.normal, sought.normal)
+    known = SoughtTable(images[0], scene.radius, sought)
+    assert known.holds_for(replace(images[0]), scene.radius)
+    assert not known.holds_for(images[0], 1.1 * scene.radius)
+    assert not known.holds_for(replace(images[0], labels=~images[0].mask), scene.radius)

@@ -19,6 +19,7 @@ def test_without_labels_every_pixel_may_be_a_rope():
     assert image.mask.all()
     assert image.rope_depth is image.depth
     assert image.distance == np.median(DEPTH[DEPTH > 0])
+    np.testing.assert_array_equal(image.mask_depths, DEPTH.ravel())
 
 
 @pytest.mark.parametrize("kind", [np.int32, bool])
@@ -27,6 +28,7 @@ def test_pixels_with_a_label_are_ropes(kind):
     image = DepthImage(DEPTH, CAMERA, POSE, labels)
     np.testing.assert_array_equal(image.mask, DEPTH % 2 == 0)
     np.testing.assert_array_equal(image.rope_depth, np.where(DEPTH % 2 == 0, DEPTH, 0.0))
+    np.testing.assert_array_equal(image.mask_depths, DEPTH[DEPTH % 2 == 0])
     assert np.isnan(DepthImage(DEPTH, CAMERA, POSE, np.zeros_like(labels)).distance)
     for array in (image.depth, image.labels):
         assert not array.flags.writeable

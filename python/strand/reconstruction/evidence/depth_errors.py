@@ -23,6 +23,7 @@ _ROUNDING = 1e-9  # share of the depth: smaller differences come from rounding
 _AXIS = (np.arange(_SIDE) - 0.5 * (_SIDE - 1)) / _SIDE  # columns of a window, in its sides from its middle
 # (3, side * side) terms of a linear function over a window: 1, column and row
 _TERMS = np.stack([np.ones((_SIDE, _SIDE)), *np.meshgrid(_AXIS, _AXIS)]).reshape(3, -1)
+_FIT = np.linalg.pinv(_TERMS)  # (side * side, 3) values of a window to the terms' coefficients
 
 
 def correlate_on_planes(images: Sequence[tuple[Array, float]], lags: int) -> tuple[list[float], float]:
@@ -73,7 +74,7 @@ def _compute_plane_residuals(image: Array, depth: float) -> Array:
         return windows
     windows = windows[np.argsort(np.abs(windows.mean(axis=1) - depth), kind="stable")]
     nearness = 1.0 / windows
-    errors = nearness - (nearness @ np.linalg.pinv(_TERMS)) @ _TERMS
+    errors = nearness - (nearness @ _FIT) @ _TERMS
     sd = DEVIATION_OF_MEDIAN * np.median(np.abs(errors), axis=1)
     # metres: residuals of anything but a plane are wider than those of planes
     wide = sd * windows.mean(axis=1) ** 2

@@ -52,7 +52,7 @@ def _mend_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
     mask = part.mask
     stands = segment_above_table(part, table, bounds, radius)
     if part.occluders is not None:
-        stands &= ~part.occluders
+        stands = stands & ~part.occluders
     rim = max(_MIN_RIM, _RIM * pixels)
     lost = stands & (_measure_distances(mask, rim) > rim)
     if not lost.any():

@@ -35,7 +35,7 @@ from strand.reconstruction.images.pixel_errors import (
 )
 from strand.reconstruction.images.prepare import prepare_views
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
-from strand.reconstruction.stages import Found, Observed, Run
+from strand.reconstruction.stages import Found, Observed, Run, SoughtTable
 from strand.ropes.doubt import Alternative
 from strand.support.lazy import lazy_property
 from strand.views.depth_image import DepthImage
@@ -75,6 +75,8 @@ class Interpretation:
         Pixels of a view that its mask was wider on each side than the radius says.
     excess : float
         What is left of that after the mask was slimmed.
+    sought : SoughtTable or None
+        The table beside the ropes in one image, if it was sought.
     """
 
     images: RopeImages
@@ -89,6 +91,7 @@ class Interpretation:
     factor: int = 1
     wider: float = 0.0
     excess: float = 0.0
+    sought: SoughtTable | None = None
 
     @lazy_property
     def neighbor_correlation(self) -> float:
@@ -111,6 +114,7 @@ def read_images(observed: Observed, config: Config, run: Run) -> Interpretation:
     with run.stage("images"):
         given = observed.images
         table = find_table_beside_ropes(given[held], radius)
+        sought = SoughtTable(given[held], radius, table)
         if table is None and observed.support is not None:
             table = Plane(*observed.support)
         if not any(observed.masked):
@@ -145,6 +149,7 @@ def read_images(observed: Observed, config: Config, run: Run) -> Interpretation:
         factor=factor,
         wider=views.wider,
         excess=views.excess,
+        sought=sought,
     )
 
 
@@ -201,6 +206,7 @@ def make_answer(read: Interpretation, observed: Observed, config: Config, run: R
         branch="images",
         doubts=doubts,
         sensor=_describe_pixels(read, measured, fit, radius),
+        sought=read.sought,
         alternatives=tuple(
             Alternative(other.cost - best.cost, tuple(other.fit.nodes))
             for other in rivals[1 : 1 + _MAX_ALTERNATIVES]

@@ -114,7 +114,7 @@ def describe_sensor(
     Without a correlation, the errors of discs stand for those of pixels, which are wider. The kernels' images
     are magnified by `factor`.
     """
-    first = given[0].depth[given[0].mask]
+    first = given[0].mask_depths
     share = 1.0
     if correlation is not None:
         share, _ = _average_over_discs(correlation, float(np.median(images.radii)) / factor)

@@ -199,7 +199,7 @@ def _add_squares(values: Array | NDArray[np.bool_], half: int) -> Array:
 
 def _measure_reach(image: DepthImage, radius: float) -> int:
     """Return how far around ropes of a radius, metres, their table is sought, pixels."""
-    far = float(np.median(image.depth[image.mask]))
+    far = float(np.median(image.mask_depths))
     if far <= 0:
         return _MARGIN
     return int(min(_REACH * radius * image.camera.focal[0] / max(far, 1e-9), sum(image.mask.shape)))

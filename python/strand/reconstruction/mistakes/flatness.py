@@ -95,7 +95,7 @@ def _sample_points(view: View) -> Array:
     image = view.image
     if image is None:
         return view.points[:: max(len(view.points) // _SAMPLE, 1)]
-    flat: NDArray[np.intp] = np.flatnonzero(image.depth)
+    flat: NDArray[np.intp] = np.flatnonzero(image.depth > 0)
     rows, columns = np.divmod(flat[:: max(len(flat) // _SAMPLE, 1)], image.depth.shape[1])
     return image.camera.lift(rows, columns, image.depth[rows, columns])
 

@@ -2,7 +2,7 @@
 
 use super::camera::RopeView;
 use super::medians::Medians;
-use crate::clouds::depth::Pinhole;
+use crate::clouds::depth::{Pinhole, has_return};
 use crate::geometry::RigidMotion;
 use crate::geometry::median::upper_median;
 use crate::images::image::Image;
@@ -40,13 +40,17 @@ impl Prepared {
         radius: f64,
         mask_px: Option<f64>,
     ) -> Option<Self> {
-        let pixels: Vec<usize> =
-            (0..depth.len()).filter(|&k| mask[k] && depth[k] > 0.0 && depth[k].is_finite()).collect();
-        if pixels.is_empty() {
+        let (mut seen, mut covered) = (Vec::new(), Vec::new());
+        let rows = depth.chunks_exact(size[0].max(1)).zip(mask.chunks_exact(size[0].max(1)));
+        for (row, (depth, mask)) in rows.enumerate() {
+            for column in (0..size[0]).filter(|&k| mask[k] && has_return(depth[k])) {
+                seen.push(depth[column]);
+                covered.push([column as f64, row as f64]);
+            }
+        }
+        if seen.is_empty() {
             return None;
         }
-        let mut seen: Vec<f64> = pixels.iter().map(|&k| depth[k]).collect();
-        let covered = pixels.iter().map(|&k| [(k % size[0]) as f64, (k / size[0]) as f64]).collect();
         let radius_px = pinhole.focal[0] * radius / upper_median(&mut seen);
         let silhouette = Silhouette::of_rope(mask, size[0], mask_px.unwrap_or(radius_px))?;
         if silhouette.radius_px < MIN_RADIUS {

@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 
 import strand
+from strand import pose_from_angles
 from strand._core import convolved
+from strand.geometry.plane import Plane
 from strand.reconstruction.evidence.prior import Prior
-from strand.reconstruction.images.above_table import add_masks, mask_above_table
+from strand.reconstruction.images.above_table import (
+    add_masks,
+    mask_above_table,
+    measure_heights,
+    segment_above_table,
+)
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.reconstruction.radius import Radii
 from strand.reconstruction.stages import Observed
@@ -60,6 +67,31 @@ def test_a_view_without_a_mask_gets_one_of_what_stands_out_near_the_others_ropes
     # without a mask there is nothing to go by
     alone = dataclasses.replace(observed, whole=(bare, bare))
     assert add_masks(alone) is alone
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_heights_are_those_of_the_points_that_pixels_show(turned):
+    made = scene("loop", seed=1, views=1, noise=Noise(depth=0.002))
+    (image,) = (view.image for view in made.views)
+    table = Plane(np.array([0.0, 0.6, 0.8]), 0.01)
+    low, high = np.array([-0.1, -np.inf, -0.05]), np.array([0.1, 0.2, 0.05])
+    box = strand.Box(low, high, pose_from_angles(0.1, 0.2, 0.3, [0.0, 0.01, 0.0]) if turned else None)
+    above, seen, pixels = measure_heights(image, table, box, made.radius)
+    rows, columns = np.indices(image.depth.shape)
+    world = image.lift(rows, columns, image.depth)
+    assert above == pytest.approx(world @ table.normal - table.offset, abs=1e-12)
+    axes = world + (made.radius - above)[..., None] * table.normal
+    np.testing.assert_array_equal(seen, (image.depth > 0) & box.holds(axes, made.radius))
+    assert 0 < np.count_nonzero(seen) < seen.size
+    assert pixels == made.radius * image.camera.focal[0] / np.median(image.depth[seen])
+
+
+def test_nothing_stands_out_of_an_image_without_depth():
+    (image,) = (view.image for view in scene("loop", seed=1, views=1).views)
+    empty = dataclasses.replace(image, depth=np.zeros_like(image.depth))
+    table = Plane(np.array([0.0, 0.0, 1.0]), 0.0)
+    assert measure_heights(empty, table, None, 0.004)[2] == 0.0
+    assert not segment_above_table(empty, table, None, 0.004).any()
 
 
 def test_a_convolution_is_that_of_a_full_sum():
