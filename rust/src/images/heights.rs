@@ -20,12 +20,17 @@ pub struct DepthPixels<'a> {
 
 /// A box in which the axis of a rope must be for the rope's pixels to count.
 pub struct AxisBox {
-    /// Directions of its sides, world frame.
-    pub axes: [Point; 3],
-    /// The least and the greatest a·x along each side.
-    pub limits: [[f64; 2]; 3],
+    pub sides: [Side; 3],
     /// Height of a rope's axis above its table, metres.
     pub height: f64,
+}
+
+/// The points x with low ≤ direction·x ≤ high.
+pub struct Side {
+    /// In the world frame.
+    pub direction: Point,
+    pub low: f64,
+    pub high: f64,
 }
 
 /// d·x of the points x that pixels show, for one direction d: z (column u + row v + ahead) + origin at depths z.
@@ -66,11 +71,10 @@ pub fn measure_heights(
     let height = Along::new(normal, seen);
     measure_rows(seen, &Along { origin: height.origin - offset, ..height }, &mut above);
     let mut counts: Vec<bool> = seen.depth.iter().map(|&z| z > 0.0).collect();
-    for side in 0..within.map_or(0, |within| within.axes.len()) {
-        let Some(within) = within else { continue };
-        let lean = Vector3::from(within.axes[side]).dot(&Vector3::from(normal));
-        let place = Along::new(within.axes[side], seen);
-        limit_rows(seen, &place, lean, within, side, &above, &mut counts);
+    if let Some(AxisBox { sides, height }) = within {
+        for side in sides {
+            limit_rows(seen, side, normal, *height, &above, &mut counts);
+        }
     }
     (above, counts)
 }
@@ -89,26 +93,24 @@ kernel! {
 }
 
 kernel! {
-    /// Drops pixels of ropes whose axis would be outside a box along one of its sides.
-    ///
-    /// `lean` is the part of the plane's normal along that side.
+    /// Drops pixels of ropes whose axis, at a height along a normal, would be outside a box along one of its sides.
     fn limit_rows<S>(
         _,
         seen: &DepthPixels<'_>,
-        place: &Along,
-        lean: f64,
-        within: &AxisBox,
-        side: usize,
+        side: &Side,
+        normal: Point,
+        height: f64,
         above: &[f64],
         counts: &mut [bool],
     ) {
-        let [low, high] = within.limits[side];
+        let lean = Vector3::from(side.direction).dot(&Vector3::from(normal));
+        let place = Along::new(side.direction, seen);
         let rows = (seen.depth.chunks_exact(seen.width)).zip(above.chunks_exact(seen.width));
         for (v, ((depth, above), counts)) in rows.zip(counts.chunks_exact_mut(seen.width)).enumerate() {
             let at = place.in_row(v);
             for (u, ((counts, &z), &above)) in counts.iter_mut().zip(depth).zip(above).enumerate() {
-                let axis = at(u, z) + (within.height - above) * lean;
-                *counts &= (axis >= low) & (axis <= high);
+                let axis = at(u, z) + (height - above) * lean;
+                *counts &= (axis >= side.low) & (axis <= side.high);
             }
         }
     }
@@ -228,9 +230,13 @@ mod tests {
         let depth = drawn();
         let seen = pixels(&depth);
         let (normal, offset): (Point, f64) = ([0.6, 0.0, -0.8], -0.5);
-        let axes = [[1.0, 0.0, 0.0], [0.0, 0.6, 0.8], [0.0, -0.8, 0.6]];
-        let within =
-            AxisBox { axes, limits: [[0.3, 0.5], [f64::NEG_INFINITY, 0.45], [0.4, 0.7]], height: 0.01 };
+        let side = |direction, low, high| Side { direction, low, high };
+        let sides = [
+            side([1.0, 0.0, 0.0], 0.3, 0.5),
+            side([0.0, 0.6, 0.8], f64::NEG_INFINITY, 0.45),
+            side([0.0, -0.8, 0.6], 0.4, 0.7),
+        ];
+        let within = AxisBox { sides, height: 0.01 };
         let (above, counts) = measure_heights(&seen, (normal, offset), Some(&within));
         let all = measure_heights(&seen, (normal, offset), None).1;
         for k in 0..depth.len() {
@@ -240,10 +246,10 @@ mod tests {
             assert!((above[k] - (normal.dot(&x) - offset)).abs() < 1e-12);
             assert_eq!(all[k], depth[k] > 0.0);
             let axis = x + (0.01 - above[k]) * normal;
-            let inside = (0..3).all(|side| {
-                let place = Vector3::from(axes[side]).dot(&axis);
-                within.limits[side][0] <= place && place <= within.limits[side][1]
-            });
+            let inside = within
+                .sides
+                .iter()
+                .all(|side| (side.low..=side.high).contains(&Vector3::from(side.direction).dot(&axis)));
             assert_eq!(counts[k], all[k] && inside);
         }
         assert!(counts.contains(&true) && counts != all);

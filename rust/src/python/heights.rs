@@ -1,6 +1,5 @@
 //! Bindings of heights above a table.
 
-use nalgebra::Vector3;
 use numpy::PyArray2;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -11,7 +10,7 @@ use super::released::{CHEAP, released, released_if_many};
 use crate::clouds::depth::Pinhole;
 use crate::geometry::median::median_of_many;
 use crate::geometry::{Point, RigidMotion};
-use crate::images::heights::{self, AxisBox, DepthPixels, Standing};
+use crate::images::heights::{self, AxisBox, DepthPixels, Side, Standing};
 use crate::images::planes;
 
 /// A box along the axes of a pose: low and high corner, and the pose.
@@ -47,12 +46,12 @@ pub(super) fn measure_heights<'py>(
 }
 
 fn box_of(low: Point, high: Point, pose: &RigidMotion, height: f64) -> AxisBox {
-    let axes = [0, 1, 2].map(|k| Point::from(pose.rotation.column(k).into_owned()));
-    let limits = [0, 1, 2].map(|k| {
-        let middle = Vector3::from(axes[k]).dot(&pose.translation);
-        [low[k] + middle, high[k] + middle]
+    let sides = [0, 1, 2].map(|k| {
+        let direction = pose.rotation.column(k).into_owned();
+        let middle = direction.dot(&pose.translation);
+        Side { direction: direction.into(), low: low[k] + middle, high: high[k] + middle }
     });
-    AxisBox { axes, limits, height }
+    AxisBox { sides, height }
 }
 
 /// Return (H, W) pixels around which the mean height of pixels that count is larger than `edge`. Heights are cut to a
@@ -73,8 +72,8 @@ pub(super) fn find_standing<'py>(
     if counts.shape() != [height, width] {
         return Err(wrong_shape("counts", &format!("({height}, {width})"), counts.shape()));
     }
-    // false for NaN too
-    if kernel.is_empty() || width * height == 0 || !(range[0] <= range[1]) {
+    let [low, high] = range;
+    if kernel.is_empty() || width * height == 0 || low.is_nan() || high.is_nan() || low > high {
         return Err(PyValueError::new_err("above, kernel, range: expected at least one number, low <= high"));
     }
     // entries farther out than the image is wide lie beyond the border

@@ -193,7 +193,7 @@ def _measure_sharp_bends(fit: ImageFit, radius: float) -> float:
 
 def _count_label_changes(reading: Reading, observed: Observed, taken: Sequence[DepthImage]) -> int:
     image = observed.whole[reading.view].image
-    if image is None or image.labels is None:
+    if image is None or image.labels is None or image.labels.dtype == np.bool_:
         return 0
     camera = taken[reading.view].camera
     chains = [image.camera.convert(nodes, camera) for nodes in reading.chains]
