@@ -233,7 +233,7 @@ mod tests {
         let side = |direction, low, high| Side { direction, low, high };
         let sides = [
             side([1.0, 0.0, 0.0], 0.3, 0.5),
-            side([0.0, 0.6, 0.8], f64::NEG_INFINITY, 0.45),
+            side([0.0, 0.6, 0.8], f64::NEG_INFINITY, 0.56),
             side([0.0, -0.8, 0.6], 0.4, 0.7),
         ];
         let within = AxisBox { sides, height: 0.01 };
