@@ -12,12 +12,12 @@ __all__ = [
     "EndObservation", "IcpResult", "ImageFit", "NotEnoughDataError", "RopeImages", "StrandError", "TubeFit",
     "TubeQueries", "Visibility", "__version__", "bridge", "centerline", "convert_to_lab", "convolved",
     "copy_constant", "copy_depth", "count_cores", "count_neighbors", "count_neighbors_each",
-    "count_typical_neighbors", "count_voxels", "crop_images", "crop_points", "draw_knot", "end_direction",
-    "estimate_mask_radius", "estimate_normals", "estimate_normals_each", "estimate_radii", "evaluate_spline",
-    "find_color_pieces", "find_crossed_segments", "find_extents", "find_fullest_plane", "find_linking_number",
-    "find_order_probability", "find_overlaps", "find_short_outlines", "find_squared_distances",
-    "find_standing", "find_strips", "fit_spline", "fit_tubes", "icp", "identify_knot", "measure_behind",
-    "measure_bending", "measure_depth_bends", "measure_edge_distances", "measure_heights",
+    "count_typical_neighbors", "count_voxels", "crop_images", "crop_points", "draw_knot", "draw_ropes",
+    "end_direction", "estimate_mask_radius", "estimate_normals", "estimate_normals_each", "estimate_radii",
+    "evaluate_spline", "find_color_pieces", "find_crossed_segments", "find_extents", "find_fullest_plane",
+    "find_linking_number", "find_order_probability", "find_overlaps", "find_short_outlines",
+    "find_squared_distances", "find_standing", "fit_spline", "fit_tubes", "icp", "identify_knot",
+    "measure_behind", "measure_bending", "measure_depth_bends", "measure_edge_distances", "measure_heights",
     "measure_largest_blob", "measure_variances", "num_threads", "number_blobs", "occludes", "path_length",
     "price_join", "radius_outlier_mask", "register_in_turn", "set_num_threads", "straighten",
     "tabulate_arc_length", "trace_chains", "trace_tubes", "unproject",
@@ -348,16 +348,16 @@ def trace_chains(
 ) -> list[_Ints]: ...
 def convolved(image: NDArray[np.float32], kernel: Sequence[float]) -> NDArray[np.float32]: ...
 def convert_to_lab(colors: NDArray[np.uint8]) -> NDArray[np.float32]: ...
-def find_strips(
+def find_color_pieces(
     planes: NDArray[np.float32],
+    lab: NDArray[np.float32] | None,
+    chosen: _Bools | None,
+    *,
     max_width: float,
     min_contrast: float,
     noise: float,
     aside: float,
     signed: bool,
-) -> NDArray[np.float32]: ...
-def find_color_pieces(
-    planes: NDArray[np.float32], lab: NDArray[np.float32] | None, strips: NDArray[np.float32]
 ) -> list[tuple[int, float, NDArray[np.int32], _Floats]]: ...
 def measure_heights(
     depth: _Floats,
@@ -376,6 +376,13 @@ def find_standing(
     share: float,
 ) -> _Bools: ...
 def find_fullest_plane(normals: ArrayLike, offsets: ArrayLike, points: ArrayLike, width: float) -> int: ...
+def draw_ropes(
+    lab: NDArray[np.float32],
+    rough: _Bools,
+    away: NDArray[np.float32],
+    ropes: Sequence[tuple[int, ArrayLike]],
+    half_width: float,
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]: ...
 def measure_largest_blob(mask: _Bools) -> int: ...
 def number_blobs(mask: _Bools) -> _Ints: ...
 def measure_edge_distances(mask: _Bools, most: SupportsIndex) -> NDArray[np.float32]: ...

@@ -133,8 +133,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(heights::find_standing, module)?)?;
     module.add_function(wrap_pyfunction!(heights::find_fullest_plane, module)?)?;
     module.add_function(wrap_pyfunction!(colors::convert_to_lab, module)?)?;
-    module.add_function(wrap_pyfunction!(colors::find_strips, module)?)?;
     module.add_function(wrap_pyfunction!(colors::find_color_pieces, module)?)?;
+    module.add_function(wrap_pyfunction!(colors::draw_ropes, module)?)?;
     module.add_function(wrap_pyfunction!(set_num_threads, module)?)?;
     module.add_function(wrap_pyfunction!(count_cores, module)?)?;
     module.add_function(wrap_pyfunction!(num_threads, module)?)

@@ -164,11 +164,16 @@ class View:
             copied = np.where(hiding, 0.0, copied)
         seen, pixels = None, None
         if colors is not None:
-            everywhere = check_colors("colors", colors, (height, width, 3))
-            pixels = np.rint(255.0 * everywhere).astype(np.uint8)
+            everywhere = to_array("colors", colors)
+            if everywhere.dtype == np.uint8 and everywhere.shape == (height, width, 3):
+                pixels = np.array(everywhere, order="C")
+            else:
+                everywhere = check_colors("colors", everywhere, (height, width, 3))
+                pixels = np.rint(255.0 * everywhere).astype(np.uint8)
         taken = DepthImage(copied, camera, _check_pose(pose), labels, pixels, hiding)
         if colors is not None:
-            seen = everywhere[taken.rope_depth > 0]
+            seen = everywhere.reshape(-1, 3).take(np.flatnonzero(taken.rope_depth > 0), axis=0)
+            seen = seen / 255.0 if seen.dtype == np.uint8 else seen
         return cls._build(None, taken, taken.pose, dropped, seen)
 
     @classmethod

@@ -2,6 +2,7 @@
 //!
 //! A "half width" is that of a strip, pixels. Colours are in Lab.
 
+pub mod drawing;
 pub mod lab;
 mod levels;
 pub mod pieces;

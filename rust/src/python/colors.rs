@@ -5,12 +5,13 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::arguments::Array;
-use super::arrays::array;
+use super::arrays::{array, constant};
 use super::released::released;
 use crate::images::color::Planes;
+use crate::images::color::drawing;
 use crate::images::color::lab;
 use crate::images::color::pieces::{self, Band, Piece};
-use crate::images::color::strips::{self, StripOptions, Strips};
+use crate::images::color::strips::{self, StripOptions};
 use crate::images::image::Image;
 
 const COLUMNS: usize = 21; // numbers that describe a piece
@@ -30,56 +31,73 @@ pub(super) fn convert_to_lab<'py>(
     };
     let values = colors.into_values();
     let found = released(py, move || lab::convert_to_lab(&values, width).map(|plane| plane.values).concat())?;
-    array(py, found, [3, height, width])
+    constant(py, found, [3, height, width])
 }
 
-/// Return the strongest strip at each pixel of (3, H, W) planes: (3, H, W) response, half width, difference of both sides.
+/// Return the pieces of strips of each width, at chosen pixels (H, W).
+///
+/// `planes` decide about strips and regions, and `lab` gives colours; without it, `planes` do. For each width: the
+/// factor that its image is smaller by, the half width, the pieces' numbers (h, w), and 21 numbers for each piece.
 #[pyfunction]
-pub(super) fn find_strips<'py>(
+#[pyo3(signature = (planes, lab, chosen, *, max_width, min_contrast, noise, aside, signed))]
+#[allow(clippy::too_many_arguments)]
+pub(super) fn find_color_pieces<'py>(
     py: Python<'py>,
     planes: &Bound<'py, PyAny>,
+    lab: Option<&Bound<'py, PyAny>>,
+    chosen: Option<&Bound<'py, PyAny>>,
     max_width: f64,
     min_contrast: f32,
     noise: f32,
     aside: f32,
     signed: bool,
-) -> PyResult<Bound<'py, PyArray3<f32>>> {
-    let planes = take_planes("planes", planes)?;
-    let (width, height) = (planes[0].width, planes[0].height);
-    let options = StripOptions { max_width, min_contrast, noise, aside, signed };
-    let found = released(py, move || {
-        let found = strips::find_strips(&planes, &options);
-        [found.response.values, found.half_width.values, found.aside.values].concat()
-    })?;
-    array(py, found, [3, height, width])
-}
-
-/// Return the pieces of strips of each width.
-///
-/// `planes` decide about regions, and `lab` gives colours; without it, `planes` do. For each width: the factor that its
-/// image is smaller by, the half width, the pieces' numbers (h, w), and 21 numbers for each piece.
-#[pyfunction]
-#[pyo3(signature = (planes, lab, strips))]
-pub(super) fn find_color_pieces<'py>(
-    py: Python<'py>,
-    planes: &Bound<'py, PyAny>,
-    lab: Option<&Bound<'py, PyAny>>,
-    strips: &Bound<'py, PyAny>,
 ) -> PyResult<Vec<BandOfPieces<'py>>> {
     let planes = take_planes("planes", planes)?;
     let lab = lab.map(|lab| take_planes("lab", lab)).transpose()?;
-    let [response, half_width, aside] = take_planes("strips", strips)?;
-    let size = |image: &Image<f32>| [image.width, image.height];
-    if size(&response) != size(&planes[0])
-        || lab.as_ref().is_some_and(|lab| size(&lab[0]) != size(&planes[0]))
+    let chosen = chosen.map(|chosen| Array::mask("chosen", chosen)).transpose()?;
+    let (width, height) = (planes[0].width, planes[0].height);
+    if lab.as_ref().is_some_and(|lab| [lab[0].width, lab[0].height] != [width, height])
+        || chosen.as_ref().is_some_and(|chosen| chosen.shape() != [height, width])
     {
-        return Err(PyValueError::new_err("planes, lab, strips: expected one size"));
+        return Err(PyValueError::new_err("planes, lab, chosen: expected one size"));
     }
+    let options = StripOptions { max_width, min_contrast, noise, aside, signed };
     let bands = released(py, move || {
-        let strips = Strips { response, half_width, aside };
+        let mut strips = strips::find_strips(&planes, &options);
+        if let Some(chosen) = chosen {
+            for (response, &own) in strips.response.values.iter_mut().zip(chosen.slice()) {
+                *response = if own { *response } else { 0.0 };
+            }
+        }
         pieces::find_pieces(&planes, lab.as_ref().unwrap_or(&planes), lab.is_none(), &strips)
     })?;
     bands.into_iter().map(|band| convert_band(py, band)).collect()
+}
+
+/// Return (H, W) labels of ropes with colours, and each pixel's difference from the background; 0 far from ropes.
+///
+/// `rough` is a mask of the ropes, and `away` each pixel's distance from it.
+#[pyfunction]
+pub(super) fn draw_ropes<'py>(
+    py: Python<'py>,
+    lab: &Bound<'py, PyAny>,
+    rough: &Bound<'py, PyAny>,
+    away: &Bound<'py, PyAny>,
+    ropes: Vec<(i32, [f32; 3])>,
+    half_width: f32,
+) -> PyResult<(Bound<'py, PyArray2<i32>>, Bound<'py, PyArray2<f32>>)> {
+    let lab = take_planes("lab", lab)?;
+    let rough = Array::mask("rough", rough)?;
+    let away = Array::<f32>::exactly("away", away, 2)?;
+    let (width, height) = (lab[0].width, lab[0].height);
+    if rough.shape() != [height, width] || away.shape() != [height, width] {
+        return Err(PyValueError::new_err("lab, rough, away: expected one size"));
+    }
+    let (labels, from_ground): (Vec<i32>, Vec<f32>) = released(py, move || {
+        let drawn = drawing::draw_ropes(&lab, rough.slice(), away.slice(), &ropes, half_width);
+        drawn.values.into_iter().map(|one| (one.label, one.from_ground)).unzip()
+    })?;
+    Ok((array(py, labels, [height, width])?, array(py, from_ground, [height, width])?))
 }
 
 fn convert_band(py: Python<'_>, band: Band) -> PyResult<BandOfPieces<'_>> {

@@ -28,7 +28,8 @@ shown = mask.view(np.uint8)
 planes = np.zeros((3, 60, 80), np.float32)
 planes[:, 28:33, 5:75] = 60.0
 colors = np.zeros((60, 80, 3), np.uint8)
-strips = _core.find_strips(planes, 12.0, 4.0, 7.0, 0.3, False)
+strips = dict(max_width=12.0, min_contrast=4.0, noise=7.0, aside=0.3, signed=False)
+away = np.full((60, 80), 3.0, np.float32)
 flat = depth.astype(np.float32)
 number = np.zeros(4000, np.int64)
 control = points[:20]
@@ -74,8 +75,8 @@ calls = {{
     "measure_largest_blob": lambda: _core.measure_largest_blob(mask),
     "estimate_mask_radius": lambda: _core.estimate_mask_radius(mask),
     "convert_to_lab": lambda: _core.convert_to_lab(colors),
-    "find_strips": lambda: _core.find_strips(planes, 12.0, 4.0, 7.0, 0.3, False),
-    "find_color_pieces": lambda: _core.find_color_pieces(planes, None, strips),
+    "find_color_pieces": lambda: _core.find_color_pieces(planes, None, mask, **strips),
+    "draw_ropes": lambda: _core.draw_ropes(planes, mask, away, [(1, (60.0, 60.0, 60.0))], 2.5),
     "convolved": lambda: _core.convolved(flat, [0.5, 0.25]),
     "measure_heights": lambda: _core.measure_heights(depth, camera, eye, ((0, 0, 1.0), 0.5), None, 0.1),
     "find_standing": lambda: _core.find_standing(depth, mask, (-0.1, 0.1), [0.5, 0.25], 0.01, 0.3),
@@ -107,7 +108,7 @@ def write():
             shown[i::3] = 31 * i
             colors[i::3] = 31 * i
             planes[:, i::3] = np.float32(min(value, 3e38))
-            strips[:, i::3] = np.float32(min(value, 3e38))
+            away[i::3] = np.float32(min(value, 3e38))
         points[:] = np.random.random(points.shape)
         depth[:] = 1.0
         time.sleep(0)

@@ -20,6 +20,7 @@ _MAX_CONTRAST = 40.0  # Lab: pieces that contrast more are no better
 _MAX_RESPONSE = 6.0  # pieces that respond more are no better
 _MIN_KNOWN_CONTRAST = 8.0  # of likelihoods: least response of a strip
 _KNOWN_NOISE = 3.0  # the same as _NOISE, of likelihoods
+_MAX_SAMPLES = 500  # pixels of a piece that give its depth and height
 
 Slices = tuple[slice, slice]
 Mask = NDArray[np.bool_]
@@ -99,22 +100,38 @@ class Piece:
         factor = self._factor
         if factor == 1:
             return own
-        cells: Array = np.pad(own, 1).repeat(factor, axis=0).repeat(factor, axis=1).astype(np.float64)
-        rows: Array = np.cumsum(np.pad(cells, ((factor, 0), (0, 0))), axis=0)
-        columns: Array = np.cumsum(np.pad(rows[factor:] - rows[:-factor], ((0, 0), (factor, 0))), axis=1)
-        sums: Array = columns[:, factor:] - columns[:, :-factor]
+        cells: NDArray[np.int32] = np.pad(own, 1).astype(np.int32)
+        cells = cells.repeat(factor, axis=0).repeat(factor, axis=1)
+        rows: NDArray[np.int32] = np.pad(cells, ((factor, 0), (0, 0))).cumsum(axis=0, dtype=np.int32)
+        rows = np.pad(rows[factor:] - rows[:-factor], ((0, 0), (factor, 0)))
+        columns = rows.cumsum(axis=1, dtype=np.int32)
+        sums = columns[:, factor:] - columns[:, :-factor]
         # the window ends at each pixel; half of it lies before
         first = factor + factor // 2
         height, width = own.shape[0] * factor, own.shape[1] * factor
         return np.asarray(sums[first : first + height, first : first + width] > 0.5 * factor * factor)
 
+    @cached_property
+    def places(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows and columns of its pixels in the image."""
+        rows, columns = np.nonzero(self.pixels)
+        top, left = (span.start for span in self.slices)
+        return rows + top, columns + left
+
+    @cached_property
+    def samples(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows and columns of some of its pixels, spread evenly."""
+        rows, columns = self.places
+        step = max(len(rows) // _MAX_SAMPLES, 1)
+        return rows[::step], columns[::step]
+
     def overlap(self, taken: Mask) -> float:
         """Return the share of its pixels in an (H, W) mask."""
-        return float(np.mean(taken[self.slices][self.pixels])) if self.pixels.any() else 1.0
+        return float(np.mean(taken[self.places])) if len(self.places[0]) else 1.0
 
     def add_to(self, mask: Mask) -> None:
         """Add its pixels to an (H, W) mask."""
-        mask[self.slices] |= self.pixels
+        mask[self.places] = True
 
     def make_mask(self, shape: tuple[int, int]) -> Mask:
         """Return an (H, W) mask of its pixels."""
@@ -125,9 +142,18 @@ class Piece:
 
 def find_pieces(lab: NDArray[np.float32], near: Mask | None) -> list[Piece]:
     """Find pieces of strips in a (3, H, W) image in Lab, at pixels that may show ropes."""
-    shorter = min(lab.shape[1:])
-    strips = _core.find_strips(lab, _MAX_WIDTH * shorter, _MIN_CONTRAST, _NOISE, _ASIDE, False)
-    return _collect(_core.find_color_pieces(lab, None, _keep_near(strips, near)))
+    return _collect(
+        _core.find_color_pieces(
+            lab,
+            None,
+            None if near is None else np.ascontiguousarray(near),
+            max_width=_MAX_WIDTH * min(lab.shape[1:]),
+            min_contrast=_MIN_CONTRAST,
+            noise=_NOISE,
+            aside=_ASIDE,
+            signed=False,
+        )
+    )
 
 
 def find_known_pieces(
@@ -136,15 +162,18 @@ def find_known_pieces(
     """Find pieces of strips that are brighter than both sides in an (H, W) image, with their colours."""
     planes = np.zeros_like(lab)
     planes[0] = likelihood
-    shorter = min(lab.shape[1:])
-    strips = _core.find_strips(planes, _MAX_WIDTH * shorter, _MIN_KNOWN_CONTRAST, _KNOWN_NOISE, 0.0, True)
-    return _collect(_core.find_color_pieces(planes, lab, _keep_near(strips, near)))
-
-
-def _keep_near(strips: NDArray[np.float32], near: Mask | None) -> NDArray[np.float32]:
-    if near is not None:
-        strips[0] *= near
-    return strips
+    return _collect(
+        _core.find_color_pieces(
+            planes,
+            lab,
+            None if near is None else np.ascontiguousarray(near),
+            max_width=_MAX_WIDTH * min(lab.shape[1:]),
+            min_contrast=_MIN_KNOWN_CONTRAST,
+            noise=_KNOWN_NOISE,
+            aside=0.0,
+            signed=True,
+        )
+    )
 
 
 def _collect(bands: Sequence[tuple[int, float, NDArray[np.int32], Array]]) -> list[Piece]:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.geometry.plane import Plane
@@ -15,7 +16,7 @@ from strand.support.checks import Array
 from strand.support.robust import estimate_deviation
 from strand.views.pinhole import Pinhole
 
-_MAX_POINTS = 20_000  # points that the plane is sought in
+_MAX_POINTS = 8_000  # points that the plane is sought in
 _NEAR_PLANE = 0.01  # of the plane's distance: heights this small give its scatter
 _MIN_SEEN = 0.1  # of the pixels have depth; with fewer, depth shows chosen things rather than a table
 _DEVIATIONS = 3.0  # scatters: pixels this near to the plane show it
@@ -67,7 +68,7 @@ class NearTable:
         """Return the median radius of pieces, metres, weighted by length; None without depth."""
         radii, weights = [], []
         for piece in pieces:
-            z = self.depth[piece.slices][piece.pixels]
+            z = self.depth[piece.samples]
             z = z[z > 0]
             if len(z):
                 radii.append(piece.half_width * float(np.median(z)) / self.focal)
@@ -81,7 +82,7 @@ class NearTable:
     def shows_flat(self, piece: Piece) -> bool:
         """Tell whether a piece lies in the table although depth could show its height."""
         radius = self.measure_radius([piece])
-        heights = self.heights[piece.slices][piece.pixels]
+        heights = self.heights[piece.samples]
         seen = heights[np.isfinite(heights)]
         if radius is None or 2.0 * radius <= _SHOWN * self.scatter or 2 * len(seen) <= len(heights):
             return False
@@ -109,9 +110,7 @@ class NearTable:
 def find_near_table(depth: Array, camera: Pinhole) -> NearTable | None:
     """Find the plane that most depth shows, and the pixels near it; None without a plane."""
     seen = depth > 0
-    rows, columns = np.nonzero(seen)
-    step = max(len(rows) // _MAX_POINTS, 1)
-    rows, columns = rows[::step], columns[::step]
+    rows, columns = select_seen(depth, _MAX_POINTS)
     found = find_largest_plane(camera.lift(rows, columns, depth[rows, columns]))
     if found is None:
         return None
@@ -132,6 +131,17 @@ def find_near_table(depth: Array, camera: Pinhole) -> NearTable | None:
     shares = _average(flat[::_EACH, ::_EACH].astype(np.float32), _REACH // _EACH) > _MIN_SHARE
     near = shares.repeat(_EACH, axis=0).repeat(_EACH, axis=1)[: depth.shape[0], : depth.shape[1]]
     return NearTable(plane, near, heights, scatter, depth, camera.focal[0])
+
+
+def select_seen(depth: Array, most: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return rows and columns of about so many pixels with depth, spread evenly over an image."""
+    step = max(int(math.sqrt(depth.size / most)), 1)
+    rows, columns = np.nonzero(depth[::step, ::step] > 0)
+    if 4 * len(rows) >= most:
+        return rows * step, columns * step
+    rows, columns = np.nonzero(depth > 0)
+    each = max(len(rows) // most, 1)
+    return rows[::each], columns[::each]
 
 
 def _average(values: np.ndarray, reach: int) -> np.ndarray:

@@ -14,8 +14,6 @@ from strand.support.checks import Array
 
 _NEAR = 2.5  # half widths from a mask: a rope's pixels lie within, and two pixels on
 _AWAY = 2.0  # half widths from a mask: the background begins there, and two pixels on
-_AROUND = 10.0  # half widths: reach of the background's mean
-_MIN_SHARE = 0.05  # share of background around
 _INNER = 0.5  # half widths from a mask's edge: pixels deeper show the rope's colour alone
 _MAX_SAMPLES = 3000  # pixels that give a rope's colours
 _ROUNDS = 6  # rounds of two means
@@ -24,19 +22,14 @@ _MIN_SECOND = 0.2  # share of a second colour
 _BACKGROUND = 0.35  # of the other colour's difference: a colour that differs less is the background's
 _MAX_BACKGROUND = 12.0  # Lab: a colour that differs more from the background is none of it
 _FAR = 10.0  # half widths from a mask: pieces of a rope that something hides lie within, and two pixels on
-_SURE = 0.5  # of the difference from the background: such pieces differ less from the rope
 _MIN_PIECE = 1.5  # squared half widths of such a piece
-_UNLIKE = 0.5  # of the contrast: pixels that differ more from a rope's colour are no part of it
 _MIN_LIGHT = 0.55  # of the light, third root: in shadow
 _MAX_LIGHT = 1.1  # the same, in full light
 _MAX_RESIDUAL = 8.0  # Lab: mixtures of rope and background differ less from what they are computed to be
 _WIDE = 1.7  # half widths, and a pixel: discs that are wider than crossing strands
-_ROPE_SHADE = (0.85, 1.12)  # a rope's light, third root, over its mean
 _TABLE_SHADE = (0.72, 1.05)  # the table's light in shadows, third root
 _BLACK = -16.0  # Lab: light of black on lines of one hue
 _HIGHLIGHT = 8.0  # Lab: highlights are brighter than the rope by this
-_THIN = 3.0  # pixels: half width of ropes whose edge pixels count by their share of rope
-_EDGE = 0.45  # the least share
 _MIN_SMOOTHED = 3.0  # pixels: half width of ropes whose edge is smoothed
 _CLOSED = 0.6  # half widths: slits in a rope are at most twice as wide
 _SLIT = 6.0  # Lab: pixels in slits differ more from the background
@@ -54,11 +47,12 @@ def refine_labels(
     rough = np.zeros(shape, dtype=np.int32)
     for label, group in reversed(groups):
         for piece in group:
-            rough[piece.slices][piece.pixels] = label
-    window = _find_window(rough > 0, math.ceil(_AROUND * half_width) + 2)
+            rough[piece.places] = label
+    window = _find_window(rough > 0, math.ceil(_FAR * half_width) + 2)
     labels = np.zeros(shape, dtype=np.int32)
     numbers = [label for label, _ in groups]
-    labels[window] = _refine(lab[:, window[0], window[1]], rough[window], numbers, half_width)
+    own = np.ascontiguousarray(lab[:, window[0], window[1]])
+    labels[window] = _refine(own, rough[window], numbers, half_width)
     return labels
 
 
@@ -76,49 +70,29 @@ def _refine(
 ) -> NDArray[np.int32]:
     """Return labels, given (H, W) rough ones and their numbers."""
     mask: Mask = rough > 0
-    reach = max(_NEAR, _AWAY, _FAR) * half_width + 2.0
-    away = _core.measure_edge_distances(np.asarray(~mask), int(reach) + 2)
+    far = _FAR * half_width + 2.0
+    away = _core.measure_edge_distances(np.asarray(~mask), int(far) + 2)
     inner = _core.measure_edge_distances(mask, int(half_width) + 2) >= _INNER * half_width
-    near = away <= _FAR * half_width + 2.0
-    rows, columns = np.nonzero(near)
-    pixels = lab[:, rows, columns].T.astype(np.float64)
-    ground = _average_around(lab, away > _AWAY * half_width + 2.0, rows, columns, _AROUND * half_width)
-    from_ground = measure_from_line(pixels, ground, _TABLE_SHADE)
-    usual = np.median(ground, axis=0)
-    best, share = np.full(len(rows), np.inf), np.zeros(len(rows))
-    labels = np.zeros(len(rows), dtype=np.int32)
+    around = np.flatnonzero((away > _AWAY * half_width + 2.0) & (away <= far))
+    around = around[:: max(len(around) // _MAX_SAMPLES, 1)]
+    planes = lab.reshape(3, -1)
+    usual = np.median(planes[:, around] if len(around) else planes, axis=1).astype(np.float64)
+    ropes: list[tuple[int, Array]] = []
     for label in numbers:
         own = lab[:, inner & (rough == label)].T.astype(np.float64)
         if not len(own):
             own = lab[:, rough == label].T.astype(np.float64)
-        for color in _find_colors(own, usual) if len(own) else ():
-            away_from = measure_from_line(pixels, color[None], _ROPE_SHADE)
-            # what is like neither belongs to something else
-            away_from[away_from > _UNLIKE * np.linalg.norm(color - ground, axis=1) + _MAX_BACKGROUND] = np.inf
-            if half_width < _THIN:
-                full = color - ground
-                part = ((pixels - ground) * full).sum(axis=1) / np.maximum((full * full).sum(axis=1), 1e-9)
-                share = np.maximum(share, part)
-            closer = away_from <= best
-            best[closer], labels[closer] = away_from[closer], label
-    found = np.zeros(rough.shape, dtype=np.int32)
-    # farther away, only what is surely rope counts: it may be hidden in between
-    farther = away[rows, columns] > _NEAR * half_width + 2.0
-    like = best < np.where(farther, np.minimum(_SURE * from_ground, _MAX_BACKGROUND), from_ground)
-    if half_width < _THIN:
-        like |= (rough[rows, columns] > 0) & (share > _EDGE)
-    found[rows, columns] = np.where(like, labels, 0)
+        ropes += [(label, color) for color in _find_colors(own, usual)] if len(own) else []
+    found, from_ground = _core.draw_ropes(lab, mask, away, ropes, half_width)
     # highlights are brighter than the rope, and unlike the background
-    unlike = inner.copy()
-    unlike[rows, columns] |= from_ground > _MAX_BACKGROUND
+    unlike = inner | (from_ground > _MAX_BACKGROUND)
     for label in numbers:
         own = rough == label
         if own.any():
             bright = unlike & (lab[0] > np.median(lab[0][own]) + _HIGHLIGHT)
             found[own & (found == 0) & bright] = label
     # so are slits between parts of a rope
-    unlike[rows, columns] = from_ground > _SLIT
-    slits = _close(found > 0, max(_CLOSED * half_width, 1.0)) & (found == 0) & unlike & mask
+    slits = _close(found > 0, max(_CLOSED * half_width, 1.0)) & (found == 0) & (from_ground > _SLIT) & mask
     found[slits] = rough[slits]
     found[_find_wide(found > 0, half_width) & ~mask] = 0
     return _clean(found, rough, half_width, away > _NEAR * half_width + 2.0)
@@ -182,32 +156,6 @@ def measure_from_line(pixels: Array, colors: Array, shade: tuple[float, float]) 
     full, own = colors - black, pixels - black
     part = (own * full).sum(axis=1) / np.maximum((full * full).sum(axis=1), 1e-9)
     return np.asarray(np.linalg.norm(own - np.clip(part, *shade)[:, None] * full, axis=1))
-
-
-def _average_around(
-    lab: NDArray[np.float32],
-    chosen: Mask,
-    rows: NDArray[np.int64],
-    columns: NDArray[np.int64],
-    reach: float,
-) -> Array:
-    """Return (N, 3) mean colours of chosen pixels around places; of all of them where few are around."""
-    lab, chosen = lab[:, ::2, ::2], chosen[::2, ::2]
-    height, width = chosen.shape
-    sums = np.zeros((height + 1, width + 1, 4))
-    sums[1:, 1:, :3] = np.where(chosen, lab, 0.0).transpose(1, 2, 0)
-    sums[1:, 1:, 3] = chosen
-    sums = sums.cumsum(axis=0).cumsum(axis=1)
-    # every second pixel is enough
-    rows, columns = rows // 2, columns // 2
-    size = max(round(0.5 * reach), 1)
-    top, bottom = np.maximum(rows - size, 0), np.minimum(rows + size + 1, height)
-    left, right = np.maximum(columns - size, 0), np.minimum(columns + size + 1, width)
-    total = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
-    whole = sums[-1, -1]
-    few = total[:, 3] < _MIN_SHARE * (bottom - top) * (right - left)
-    total[few] = whole
-    return np.asarray(total[:, :3] / np.maximum(total[:, 3:], 1e-9))
 
 
 def _clean(

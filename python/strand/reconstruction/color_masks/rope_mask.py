@@ -192,14 +192,14 @@ def _count_colors(lab: NDArray[np.float32], pieces: list[Piece]) -> int:
     """Return the number of hues and chromas that pieces in a (3, H, W) image have."""
     if not pieces:
         return 0
-    own = [lab[1:, piece.slices[0], piece.slices[1]][:, piece.pixels] for piece in pieces]
+    own = [lab[(slice(1, None), *piece.places)] for piece in pieces]
     left = np.concatenate(own, axis=1).T
     left = left[:: max(len(left) // _MAX_SAMPLES, 1)]
     least, count = _MIN_SHARE * len(left), 0
     while len(left) > least:
         # the pixel with most others around it
         some = left[:: max(len(left) // _MAX_CENTERS, 1)]
-        away = np.linalg.norm(some[:, None] - left, axis=2) < _ONE_HUE
+        away = np.square(some[:, None] - left).sum(axis=2) < _ONE_HUE**2
         most = away[np.count_nonzero(away, axis=1).argmax()]
         if np.count_nonzero(most) < least:
             break

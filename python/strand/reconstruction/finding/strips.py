@@ -75,7 +75,12 @@ def segment_ropes(
     wide = _open_mask(image, radius)
     things, numbers = np.zeros_like(wide), _core.number_blobs(wide)
     others = []
-    for rows, columns in _split_blobs(numbers):
+    # few pixels of low blobs are high
+    high = top.above > _MAX_PILE * radius
+    tall = np.bincount(numbers[high], minlength=numbers.max() + 1) >= 0.5 * (1.0 - _TOP) * np.bincount(
+        numbers.ravel()
+    )
+    for rows, columns in _split_blobs(np.where(tall[numbers], numbers, 0)):
         highest = float(np.quantile(top.above[rows, columns], _TOP))
         if highest > _MAX_PILE * radius:
             things[rows, columns] = True
@@ -87,15 +92,18 @@ def segment_ropes(
     near = _core.measure_edge_distances(~things, reach) if things.any() else np.full(wide.shape, np.inf)
     mask = image.mask & (near > _EDGE)
     lengths = measure_strip_lengths(replace(image, labels=mask.copy())) / radius
-    for number, (rows, columns) in enumerate(_split_blobs(_core.number_blobs(mask)), 1):
-        length = float(lengths[number]) if number < len(lengths) else 0.0
+    numbers = _core.number_blobs(mask)
+    long = np.pad(lengths, (0, max(int(numbers.max(initial=0)) + 1 - len(lengths), 0))) >= _MIN_LENGTH
+    mask = long[numbers] & mask
+    for rows, columns in _split_blobs(np.where(mask, numbers, 0)):
+        length = float(lengths[numbers[rows[0], columns[0]]])
         height = float(np.median(top.above[rows, columns])) / radius
         beside = bool((near[rows, columns] <= 2.0 * _EDGE).any())
         own = length < _MIN_LENGTH_BESIDE or (length < _MIN_LENGTH_HIGH and height > _HIGH)
         edge = bool(np.mean(near[rows, columns] <= halo) > _MAX_HALO_SHARE)
-        if length < _MIN_LENGTH or (beside and own) or edge:
+        if (beside and own) or edge:
             mask[rows, columns] = False
-            if beside and not edge and length >= _MIN_LENGTH:
+            if beside and not edge:
                 reason = f"a thin piece, {1e3 * length * radius:.0f} mm long, of a thing beside it"
                 others.append(OtherObject(view, _find_middle(image, rows, columns), reason))
     return mask, others

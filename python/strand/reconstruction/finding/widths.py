@@ -24,7 +24,10 @@ def estimate_strip_radius(images: Sequence[DepthImage]) -> float:
     logs, lengths = (
         np.concatenate(parts) for parts in zip(*(_find_middles(image)[:2] for image in images), strict=True)
     )
-    scores = [lengths[np.abs(logs - np.log(radius)) < _SAME_WIDTH].sum() / radius for radius in radii]
+    order = np.argsort(logs)
+    logs, sums = logs[order], np.concatenate([[0.0], np.cumsum(lengths[order])])
+    first, last = (np.searchsorted(logs, np.log(radii) + side) for side in (-_SAME_WIDTH, _SAME_WIDTH))
+    scores = (sums[last] - sums[first]) / radii
     return float(radii[int(np.argmax(scores))])
 
 

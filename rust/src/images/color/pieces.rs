@@ -11,6 +11,7 @@ const LOW: f32 = 0.75; // least response of a strip's pixels
 const HIGH: f32 = 1.5; // least response somewhere on a strip
 const BAND: [f32; 2] = [0.9, 1.6]; // half widths of strips that make one band, of its half width
 const FINE: f64 = 4.0; // pixels: half width of the strips of a band, in an image made smaller for it
+const NO_CLASS: u8 = 255; // of pixels that belong to no band
 const MIN_BAND: usize = 30; // pixels of a band
 const MIN_STRIP: f64 = 4.0; // half widths: pixels of a strip's middle
 const MIN_AREA: usize = 12; // pixels of a piece
@@ -63,14 +64,30 @@ pub struct Piece {
 pub fn find_pieces(planes: &Planes, lab: &Planes, plain: bool, strips: &Strips) -> Vec<Band> {
     let strong = find_strong(&strips.response);
     let mut widths: Vec<f32> = Vec::new();
-    for (&half_width, &response) in strips.half_width.values.iter().zip(&strips.response.values) {
-        if response > 1.0 && !widths.contains(&half_width) {
+    let mut wanted: Vec<f32> = Vec::new();
+    let mut classes = Image::filled(strong.width, strong.height, NO_CLASS);
+    let pixels = strips.half_width.values.iter().zip(&strips.response.values);
+    for (k, (&half_width, &response)) in pixels.enumerate().filter(|&(k, _)| strong.values[k]) {
+        let class = widths.iter().position(|&other| other == half_width).unwrap_or_else(|| {
             widths.push(half_width);
+            widths.len() - 1
+        });
+        classes.values[k] = class as u8;
+        if response > 1.0 && !wanted.contains(&half_width) {
+            wanted.push(half_width);
         }
     }
-    widths.sort_by(f32::total_cmp);
-    let bands =
-        parallel::map(&widths, |&half_width| find_band(planes, lab, plain, strips, &strong, half_width));
+    wanted.sort_by(f32::total_cmp);
+    let bands = parallel::map(&wanted, |&half_width| {
+        let range = BAND.map(|share| share * half_width);
+        let mut member = [false; 256];
+        for (own, width) in member.iter_mut().zip(&widths) {
+            *own = (range[0]..range[1]).contains(width);
+        }
+        let values = classes.values.iter().map(|&class| member[usize::from(class)]).collect();
+        let band = Image { width: classes.width, height: classes.height, values };
+        find_band(planes, lab, plain, strips, band, half_width)
+    });
     bands.into_iter().flatten().collect()
 }
 
@@ -99,24 +116,23 @@ fn find_band(
     lab: &Planes,
     plain: bool,
     strips: &Strips,
-    strong: &Image<bool>,
+    band: Image<bool>,
     half_width: f32,
 ) -> Option<Band> {
     let [width, height] = size(planes);
-    let range = BAND.map(|share| share * half_width);
-    let member = |k: usize| strong.values[k] && (range[0]..range[1]).contains(&strips.half_width.values[k]);
-    let band: Vec<f32> = (0..width * height).map(|k| f32::from(u8::from(member(k)))).collect();
-    if band.iter().filter(|&&own| own > 0.0).count() < MIN_BAND {
+    if band.values.iter().filter(|&&own| own).count() < MIN_BAND {
         return None;
     }
     let factor = ((f64::from(half_width) / FINE) as usize).max(1);
     let small = [(width / factor).max(1), (height / factor).max(1)];
     let fine = f64::from(half_width) / factor as f64;
-    let shares = shrunk(&Image { width, height, values: band }, small);
-    let core = Image {
-        width: small[0],
-        height: small[1],
-        values: shares.values.iter().map(|&share| share > 0.5).collect(),
+    let core = if factor == 1 {
+        band
+    } else {
+        let values = band.values.iter().map(|&own| f32::from(u8::from(own))).collect();
+        let shares = shrunk(&Image { width, height, values }, small);
+        let values = shares.values.iter().map(|&share| share > 0.5).collect();
+        Image { width: small[0], height: small[1], values }
     };
     let found = find_blobs(&core, true, true);
     let least = (MIN_STRIP * fine) as usize;
@@ -166,8 +182,11 @@ fn find_window(mask: &Image<bool>, margin: usize) -> [usize; 4] {
 }
 
 fn cut<T: Copy>(image: &Image<T>, [top, bottom, left, right]: [usize; 4]) -> Image<T> {
-    let rows = (top..bottom).map(|y| &image.values[y * image.width + left..y * image.width + right]);
-    Image { width: right - left, height: bottom - top, values: rows.flatten().copied().collect() }
+    let mut values = Vec::with_capacity((bottom - top) * (right - left));
+    for row in image.values[top * image.width..bottom * image.width].chunks_exact(image.width) {
+        values.extend_from_slice(&row[left..right]);
+    }
+    Image { width: right - left, height: bottom - top, values }
 }
 
 /// Returns a window of an image made smaller.

@@ -31,7 +31,8 @@ pub fn find_region(planes: &Planes, core: &Image<bool>, half_width: f64) -> Regi
     let from_core = measure_distances(core, false, limit.ceil() as usize + 1);
     let near: Vec<usize> = (0..width * height).filter(|&k| from_core.values[k] < limit).collect();
     let cell = (half_width as usize).max(1);
-    let ropes = Sums::new(planes, cell, |k| core.values[k]);
+    let ropes = Sums::of_some(planes, cell, near.iter().copied().filter(|&k| core.values[k]));
+    let all = Sums::of_all(planes, cell);
     let [columns, rows] = ropes.size();
     let cell_of = |k: usize| k / width / cell * columns + k % width / cell;
     let mut needed = vec![false; columns * rows];
@@ -39,10 +40,16 @@ pub fn find_region(planes: &Planes, core: &Image<bool>, half_width: f64) -> Regi
     let mut mask = core.clone();
     let mut background = vec![[0.0f32; 3]; width * height];
     let mut evidence = vec![(0.0f32, 0.0f32); near.len()];
+    let colors: Vec<[f32; 3]> = if half_width < SMOOTHED {
+        near.iter().map(|&k| color(planes, k)).collect()
+    } else {
+        near.iter().map(|&k| mean_around(planes, k % width, k / width)).collect()
+    };
     for _ in 0..ROUNDS {
         let beside = BESIDE * half_width as f32 + 1.0;
         let away = measure_distances(&mask, false, beside.ceil() as usize + 1);
-        let table = Sums::new(planes, cell, |k| away.values[k] > beside);
+        let ropes_and_edges = (0..width * height).filter(|&k| away.values[k] <= beside);
+        let table = all.without(&Sums::of_some(planes, cell, ropes_and_edges));
         let everywhere = table.total();
         // colours of the background and the rope in each cell
         let mut around = vec![([0.0f32; 3], [0.0f32; 3], 0.0f32); columns * rows];
@@ -58,14 +65,9 @@ pub fn find_region(planes: &Planes, core: &Image<bool>, half_width: f64) -> Regi
             let (rope, share) = ropes.mean(i, j, half_width + 1.0);
             around[c] = (ground, rope, if share > 0.0 { difference2(rope, ground) } else { 0.0 });
         }
-        for (&k, found) in near.iter().zip(&mut evidence) {
+        for ((&k, own), found) in near.iter().zip(&colors).zip(&mut evidence) {
             let (ground, rope, contrast2) = around[cell_of(k)];
             background[k] = ground;
-            let own = if half_width < SMOOTHED {
-                color(planes, k)
-            } else {
-                mean_around(planes, k % width, k / width)
-            };
             let toward: f32 = (0..3).map(|p| (own[p] - ground[p]) * (rope[p] - ground[p])).sum();
             *found = (contrast2, toward / contrast2.max(1e-6));
         }
@@ -100,34 +102,30 @@ fn mean_around(planes: &Planes, x: usize, y: usize) -> [f32; 3] {
 
 /// Returns a mask grown by a pixel and shrunk again, with diagonal neighbours.
 fn closed(mask: &Image<bool>) -> Image<bool> {
-    let grown = spread(mask, true);
-    spread(&grown, false)
+    let grown = combined(mask, |a, b| a | b);
+    combined(&grown, |a, b| a & b)
 }
 
-/// Spreads a value to all eight neighbours.
-fn spread(mask: &Image<bool>, value: bool) -> Image<bool> {
+/// Combines each pixel with its eight neighbours.
+fn combined(mask: &Image<bool>, combine: impl Fn(bool, bool) -> bool) -> Image<bool> {
     let (w, h) = (mask.width, mask.height);
     let mut rows = mask.clone();
-    for y in 0..h {
-        let (from, to) = (&mask.values[y * w..(y + 1) * w], &mut rows.values[y * w..(y + 1) * w]);
-        for x in 1..w {
-            let (a, b) = (from[x - 1] == value, from[x] == value);
-            to[x] = if a | b { value } else { !value };
+    for (to, from) in rows.values.chunks_exact_mut(w).zip(mask.values.chunks_exact(w)) {
+        for (to, &before) in to[1..].iter_mut().zip(from) {
+            *to = combine(*to, before);
         }
-        for x in 1..w {
-            to[x - 1] = if from[x] == value { value } else { to[x - 1] };
+        for (to, &after) in to.iter_mut().zip(&from[1..]) {
+            *to = combine(*to, after);
         }
     }
     let mut found = rows.clone();
-    for y in 0..h {
-        for beside in [y.wrapping_sub(1), y + 1] {
-            if beside < h {
-                for x in 0..w {
-                    if rows.values[beside * w + x] == value {
-                        found.values[y * w + x] = value;
-                    }
-                }
-            }
+    for y in 1..h {
+        let (above, here) = ((y - 1) * w..y * w, y * w..(y + 1) * w);
+        for (to, &other) in found.values[here.clone()].iter_mut().zip(&rows.values[above.clone()]) {
+            *to = combine(*to, other);
+        }
+        for (to, &other) in found.values[above].iter_mut().zip(&rows.values[here]) {
+            *to = combine(*to, other);
         }
     }
     found

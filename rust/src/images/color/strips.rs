@@ -20,6 +20,7 @@ const HALF_WIDTH: f64 = 2.0; // pixels of a small image: half width of the strip
 const MAX_WIDTH: f64 = 4.5; // pixels of a small image: largest width of a strip there
 const TOGETHER: usize = 16; // pixels that are compared at once
 const BLOCK: usize = 24; // pixels: side of the blocks whose median response is the background's
+const EACH: usize = 2; // every second row and column of a block counts
 const BLOCKS: usize = 2; // blocks on each side of one whose median counts
 const WEAKEST: f32 = 0.4; // least response that is kept
 const BETTER: f32 = 1.1; // the response at another width has to be larger by this
@@ -89,8 +90,19 @@ fn keep_better(
             _ => runs.push((i, x, x + 1)),
         }
     }
+    let same = [width, height] == [response.width, response.height];
     parallel::rows(best, width, |first, part| {
         for (n, row) in part.chunks_exact_mut(width).enumerate() {
+            if same {
+                let own = (first + n) * width..(first + n + 1) * width;
+                let pairs = response.values[own.clone()].iter().zip(&aside.values[own]);
+                for (to, (&answer, &aside)) in row.iter_mut().zip(pairs) {
+                    if answer > WEAKEST.max(BETTER * to[0]) {
+                        *to = [answer, half_width, aside];
+                    }
+                }
+                continue;
+            }
             let y = rows[first + n];
             let upper = &response.values[y.0 * response.width..][..response.width];
             let lower = if y.0 + 1 < response.height {
@@ -124,10 +136,18 @@ fn find_responses(level: &Planes, options: &StripOptions) -> (Image<f32>, Image<
     let aside = Image { width, height, values: found.iter().map(|f| f[1]).collect() };
     let usual = find_usual(&response);
     let (columns, rows) = (find_places(width, usual.width), find_places(height, usual.height));
+    // along rows first, once for each row of blocks
+    let along: Vec<f32> = (0..usual.height)
+        .flat_map(|j| columns.iter().map(move |&x| (j, x)))
+        .map(|(j, x)| interpolate(&usual, x, (j, 0.0)))
+        .collect();
     parallel::rows(&mut response.values, width, |first, part| {
         for (n, row) in part.chunks_exact_mut(width).enumerate() {
-            for (value, &x) in row.iter_mut().zip(&columns) {
-                let least = options.noise * interpolate(&usual, x, rows[first + n]);
+            let (j, weight) = rows[first + n];
+            let upper = &along[j * width..][..width];
+            let lower = &along[(j + 1).min(usual.height - 1) * width..][..width];
+            for ((value, a), b) in row.iter_mut().zip(upper).zip(lower) {
+                let least = options.noise * (a * (1.0 - weight) + b * weight);
                 *value /= least.max(options.min_contrast);
             }
         }
@@ -266,8 +286,9 @@ fn find_usual(response: &Image<f32>) -> Image<f32> {
     let places: Vec<[usize; 2]> = (0..rows * columns).map(|k| [k % columns, k / columns]).collect();
     let medians = parallel::map(&places, |&[i, j]| {
         let mut own = Vec::new();
-        for y in j * h / rows..(j + 1) * h / rows {
-            own.extend_from_slice(&response.values[y * w + i * w / columns..y * w + (i + 1) * w / columns]);
+        for y in (j * h / rows..(j + 1) * h / rows).step_by(EACH) {
+            let row = &response.values[y * w + i * w / columns..y * w + (i + 1) * w / columns];
+            own.extend(row.iter().step_by(EACH));
         }
         median(&mut own)
     });

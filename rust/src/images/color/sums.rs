@@ -15,25 +15,64 @@ pub struct Sums {
 }
 
 impl Sums {
-    /// Sums chosen pixels over cells with a side in pixels.
-    pub fn new(planes: &Planes, cell: usize, chosen: impl Fn(usize) -> bool) -> Self {
+    /// Sums all pixels over cells with a side in pixels.
+    pub fn of_all(planes: &Planes, cell: usize) -> Self {
         let [width, height] = size(planes);
-        let (columns, rows) = (width.div_ceil(cell), height.div_ceil(cell));
-        let mut sums = vec![[0i32; 4]; (columns + 1) * (rows + 1)];
-        for j in 0..rows {
-            let (above, here) = sums[j * (columns + 1)..(j + 2) * (columns + 1)].split_at_mut(columns + 1);
-            for y in j * cell..((j + 1) * cell).min(height) {
-                for x in 0..width {
-                    let k = y * width + x;
-                    if chosen(k) {
-                        let to = &mut here[x / cell + 1];
-                        for (sum, plane) in to.iter_mut().zip(planes) {
-                            *sum = sum.wrapping_add((UNITS * plane.values[k]) as i32);
-                        }
-                        to[3] += 1;
+        let mut sums = Self::empty(planes, cell);
+        let mut row = vec![0i32; width];
+        for j in 0..sums.rows {
+            let own = j * cell * width..((j + 1) * cell).min(height) * width;
+            let cells = &mut sums.sums[(j + 1) * (sums.columns + 1) + 1..][..sums.columns];
+            for (n, plane) in planes.iter().enumerate() {
+                row.fill(0);
+                for values in plane.values[own.clone()].chunks_exact(width) {
+                    for (sum, value) in row.iter_mut().zip(values) {
+                        *sum = sum.wrapping_add((UNITS * value) as i32);
                     }
                 }
+                for (to, part) in cells.iter_mut().zip(row.chunks(cell)) {
+                    to[n] = part.iter().fold(0, |sum: i32, value| sum.wrapping_add(*value));
+                }
             }
+            let tall = (own.len() / width) as i32;
+            for (i, to) in cells.iter_mut().enumerate() {
+                to[3] = tall * ((i + 1) * cell).min(width).wrapping_sub(i * cell) as i32;
+            }
+        }
+        sums.add_up()
+    }
+
+    /// Sums some pixels over cells with a side in pixels.
+    pub fn of_some(planes: &Planes, cell: usize, chosen: impl Iterator<Item = usize>) -> Self {
+        let width = planes[0].width;
+        let mut sums = Self::empty(planes, cell);
+        let columns = sums.columns + 1;
+        for k in chosen {
+            let to = &mut sums.sums[(k / width / cell + 1) * columns + k % width / cell + 1];
+            for (sum, plane) in to.iter_mut().zip(planes) {
+                *sum = sum.wrapping_add((UNITS * plane.values[k]) as i32);
+            }
+            to[3] += 1;
+        }
+        sums.add_up()
+    }
+
+    /// Returns the sums of the pixels that others do not hold.
+    pub fn without(&self, others: &Self) -> Self {
+        let pairs = self.sums.iter().zip(&others.sums);
+        let sums = pairs.map(|(all, some)| [0, 1, 2, 3].map(|n| all[n].wrapping_sub(some[n]))).collect();
+        Self { sums, ..*self }
+    }
+
+    fn empty(planes: &Planes, cell: usize) -> Self {
+        let [columns, rows] = size(planes).map(|side| side.div_ceil(cell));
+        Self { cell, columns, rows, sums: vec![[0; 4]; (columns + 1) * (rows + 1)] }
+    }
+
+    /// Turns sums of single cells into those of all cells above and to the left.
+    fn add_up(mut self) -> Self {
+        for j in 1..=self.rows {
+            let (above, here) = self.sums[(j - 1) * (self.columns + 1)..].split_at_mut(self.columns + 1);
             let mut row = [0i32; 4];
             for (to, above) in here.iter_mut().zip(above) {
                 for n in 0..4 {
@@ -42,7 +81,7 @@ impl Sums {
                 }
             }
         }
-        Self { cell, columns, rows, sums }
+        self
     }
 
     /// Returns the number of columns and rows of cells.
@@ -61,7 +100,15 @@ impl Sums {
 
     /// Returns the mean over all chosen pixels.
     pub fn total(&self) -> [f32; 3] {
-        self.mean_of([0, self.columns], [0, self.rows]).0
+        let last = |j: usize| self.sums[j * (self.columns + 1) + self.columns];
+        let mut sum = [0i64; 4];
+        for j in 0..self.rows {
+            // only sums of single rows are sure to fit
+            for n in 0..4 {
+                sum[n] += i64::from(last(j + 1)[n].wrapping_sub(last(j)[n]));
+            }
+        }
+        [0, 1, 2].map(|n| (sum[n] as f64 / f64::from(UNITS) / (sum[3].max(1) as f64)) as f32)
     }
 
     fn mean_of(&self, [left, right]: [usize; 2], [top, bottom]: [usize; 2]) -> ([f32; 3], f32) {
@@ -88,7 +135,8 @@ mod tests {
         });
         let chosen = |k: usize| k % 3 != 1;
         for cell in [1, 2] {
-            let sums = Sums::new(&planes, cell, chosen);
+            let rest = (0..width * height).filter(|&k| !chosen(k));
+            let sums = Sums::of_all(&planes, cell).without(&Sums::of_some(&planes, cell, rest));
             assert_eq!(sums.size(), [9usize.div_ceil(cell), 7usize.div_ceil(cell)]);
             for (x, y, reach) in [(0, 0, 2), (4, 3, 1), (3, 2, 3), (1, 2, 20)] {
                 let own: Vec<usize> = (0..width * height)
