@@ -165,11 +165,9 @@ class View:
         seen, pixels = None, None
         if colors is not None:
             everywhere = to_array("colors", colors)
-            if everywhere.dtype == np.uint8 and everywhere.shape == (height, width, 3):
-                pixels = np.array(everywhere, order="C")
-            else:
-                everywhere = check_colors("colors", everywhere, (height, width, 3))
-                pixels = np.rint(255.0 * everywhere).astype(np.uint8)
+            whole = everywhere.dtype == np.uint8 and everywhere.shape == (height, width, 3)
+            everywhere = everywhere if whole else check_colors("colors", everywhere, (height, width, 3))
+            pixels = np.array(everywhere if whole else np.rint(255.0 * everywhere), dtype=np.uint8, order="C")
         taken = DepthImage(copied, camera, _check_pose(pose), labels, pixels, hiding)
         if colors is not None:
             seen = everywhere.reshape(-1, 3).take(np.flatnonzero(taken.rope_depth > 0), axis=0)
