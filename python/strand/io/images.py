@@ -19,6 +19,7 @@ from strand.support.files import FileFormatError
 PNG_COLORS = {0: "grey", 2: "RGB", 3: "palette", 4: "grey and alpha", 6: "RGB and alpha"}
 # the formats that cameras write; for some others, Pillow starts programs
 COLOR_FORMATS = ("PNG", "JPEG", "BMP", "PPM")
+WIDE_MODES = ("I", "F")  # how the names of Pillow's grey images of more than 8 bits begin
 # tags of a TIFF file, and their values
 BITS = 258  # tag: bits of each sample
 COMPRESSION = 259  # tag: method of compression
@@ -95,7 +96,16 @@ def read_color(path: Path, budget: Budget) -> NDArray[np.uint8]:
 def decode_color(file: str | Path, data: bytes, budget: Budget) -> NDArray[np.uint8]:
     """Return the (H, W, 3) uint8 pixels of a colour image in memory; errors name `file`."""
     expected = f"colour image ({', '.join(COLOR_FORMATS)})"
-    return _decode(file, budget, data, COLOR_FORMATS, expected, 3, lambda image: image.convert("RGB"))
+
+    def read_pixels(image: Any) -> Any:
+        if image.mode.startswith(WIDE_MODES):
+            raise FileFormatError(
+                file,
+                "expected a colour image of 8 bits per channel, got grey of 16 bits or more, as depth is",
+            )
+        return image.convert("RGB")
+
+    return _decode(file, budget, data, COLOR_FORMATS, expected, 3, read_pixels)
 
 
 def _read_single_channel(
@@ -142,5 +152,7 @@ def _decode(
             return np.asarray(read_pixels(image))
     except (FileFormatError, MemoryError):
         raise
+    except pillow.UnidentifiedImageError:  # its message is an address in memory
+        raise FileFormatError(path, f"truncated, or not a {expected}") from None
     except Exception as error:  # Pillow raises errors of many types for damaged files
         raise FileFormatError(path, f"truncated, or not a {expected} ({error})") from error
