@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from io import BytesIO
+from pathlib import Path
 
 import numpy as np
 
@@ -12,8 +13,10 @@ from strand.cli import values
 from strand.cli.inputs import load_intrinsics
 from strand.cli.outputs import protect_inputs
 from strand.cli.progress import show_progress
+from strand.cli.terminal import flush_before_message, print_message
 from strand.io.budget import MAX_BYTES, Budget
 from strand.io.images import read_color, read_depth_png
+from strand.support.checks import check_positive
 from strand.support.extras import import_extra
 from strand.support.files import require_writable, write_bytes
 
@@ -43,9 +46,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--depth-scale",
         type=float,
-        default=0.001,
         metavar="METRES",
-        help="metres per unit of the depth image (default: 0.001)",
+        help="metres per unit of the depth image, such as 0.001 for millimetres; --depth needs it",
     )
     command.add_argument(
         "--rope-color",
@@ -61,9 +63,10 @@ def run(options: argparse.Namespace) -> None:
     """Find the ropes of an image, and write their mask."""
     if options.output.suffix.lower() != ".png":
         raise ValueError(f"--output: expected a .png file, got {options.output}")
-    inputs = [path for path in (options.image, options.depth) if path is not None]
-    protect_inputs(inputs, {"--output": options.output})
+    given = (options.image, options.depth, options.intrinsics)
+    protect_inputs([path for path in given if isinstance(path, Path)], {"--output": options.output})
     require_writable(options.output)
+    scale = _check_depth_scale(options)
     budget = Budget(MAX_BYTES)
     with show_progress("read"):
         color = read_color(options.image, budget)
@@ -71,7 +74,7 @@ def run(options: argparse.Namespace) -> None:
     with show_progress("find"):
         found = strand.rope_mask(
             color,
-            None if depth is None else options.depth_scale * depth.astype(np.float64),
+            None if depth is None else scale * depth.astype(np.float64),
             load_intrinsics(options.intrinsics),
             rope_color=None if options.rope_color is None else np.array(options.rope_color),
             ropes=options.ropes,
@@ -81,8 +84,30 @@ def run(options: argparse.Namespace) -> None:
     content = BytesIO()
     import_extra("PIL.Image").fromarray(found.labels.astype(np.uint8)).save(content, "PNG")
     write_bytes(options.output, content.getvalue())
-    count = int(found.labels.max())
-    print(f"{options.output}: {count} colour{'s' * (count > 1)}, half width {found.radius_px:.1f} pixels")
+    labels = np.unique(found.labels[found.labels > 0])
+    print(
+        f"{options.output}: {len(labels)} colour{'s' * (len(labels) > 1)}, "
+        f"half width {found.radius_px:.1f} pixels"
+    )
+    flush_before_message()
+    for label, rgb in enumerate(options.rope_color or (), 1):
+        if label not in labels:
+            print_message(f"strand: no rope of --rope-color {','.join(map(str, rgb))} (label {label})")
+
+
+def _check_depth_scale(options: argparse.Namespace) -> float:
+    """Return the depth image's metres per unit; 1 without a depth image."""
+    if options.depth is None:
+        for name in ("intrinsics", "depth_scale"):
+            if vars(options)[name] is not None:
+                raise ValueError(f"--{name.replace('_', '-')}: expected --depth along with it")
+        return 1.0
+    if options.depth_scale is None:
+        raise ValueError(
+            f"--depth-scale: {options.depth} holds whole numbers in an unknown unit: give their metres, "
+            "0.001 for millimetres"
+        )
+    return check_positive("--depth-scale", options.depth_scale)
 
 
 def _parse_color(text: str) -> tuple[int, ...]:

@@ -73,4 +73,4 @@ def protect_inputs(
     for option, paths in written.items():
         for path in paths:
             if os.path.realpath(path) in kept:
-                raise ValueError(f"{option}: {path} is part of the scene or the configuration")
+                raise ValueError(f"{option}: expected another file than the inputs, got {path}")

@@ -101,7 +101,7 @@ def decode_color(file: str | Path, data: bytes, budget: Budget) -> NDArray[np.ui
         if image.mode.startswith(WIDE_MODES):
             raise FileFormatError(
                 file,
-                "expected a colour image of 8 bits per channel, got grey of 16 bits or more, as depth is",
+                "expected a colour image of 8 bits per channel, got grey of more than 8 bits, such as depth",
             )
         return image.convert("RGB")
 

@@ -16,6 +16,8 @@ from strand.synthetic import color_scene
 MADE = color_scene("two ropes", 0)
 (FX, _, CX), (_, FY, CY), _ = MADE.scene.intrinsics.tolist()
 CAMERA = ["--intrinsics", f"{FX},{FY},{CX},{CY}", "--depth-scale", str(MADE.scene.depth_scale)]
+MASK = ["color.png", "-o", "mask.png"]
+WITH_DEPTH = [*MASK, "--depth", "depth.png"]
 
 
 @pytest.fixture
@@ -26,6 +28,7 @@ def folder(tmp_path, monkeypatch):
     Image.fromarray(MADE.color[0]).save("color.png")
     Image.fromarray(MADE.color[0][:100]).save("small.png")
     Image.fromarray(np.full((80, 120, 3), 90, dtype=np.uint8)).save("bare.png")
+    Image.fromarray(MADE.color[0]).save("color.tiff")
     Image.fromarray(np.zeros(MADE.scene.depth[0].shape, dtype=np.uint8)).save("robot.png")
     return tmp_path
 
@@ -52,18 +55,39 @@ def test_mask_seeks_the_colours_that_are_given(folder):
     assert np.count_nonzero(found & (MADE.labels[0] == 2)) > 0.7 * np.count_nonzero(found)
 
 
+def test_mask_names_the_colours_that_it_does_not_find(folder, capsys):
+    color = np.full((120, 160, 3), 180, dtype=np.uint8)
+    color[57:62, 20:140] = (30, 30, 220)
+    Image.fromarray(color).save("blue.png")
+    colors = ["--rope-color", "0,255,0", "--rope-color", "30,30,220"]
+    assert run("mask", "blue.png", "-o", "mask.png", *colors) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("mask.png: 1 colour, half width")
+    assert err == "strand: no rope of --rope-color 0,255,0 (label 1)\n"
+    assert np.unique(Image.open("mask.png")).tolist() == [0, 2]
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
         (["color.png", "-o", "mask.jpg"], 2, "--output: expected a .png file"),
-        (["color.png", "-o", "color.png"], 2, "color.png"),
+        (["color.png", "-o", "color.png"], 2, "another file than the inputs, got color.png"),
         (["bare.png", "-o", "mask.png"], 1, "rope"),
         (["no.png", "-o", "mask.png"], 3, "no.png: No such file"),
         (["depth.png", "-o", "no/mask.png"], 3, "no/mask.png"),
-        (["color.png", "-o", "mask.png", "--depth", "depth.png"], 2, "intrinsics: expected"),
-        (["small.png", "-o", "mask.png", "--depth", "depth.png", *CAMERA[:2]], 2, "depth: expected"),
-        (["color.png", "-o", "mask.png", "--rope-color", "300,0,0"], 2, "--rope-color: expected three"),
-        (["color.png", "-o", "mask.png", "--ropes", "0"], 2, "ropes: expected"),
+        ([*WITH_DEPTH, *CAMERA[2:]], 2, "intrinsics: expected"),
+        ([*MASK, *CAMERA[:2]], 2, "--intrinsics: expected --depth"),
+        ([*MASK, *CAMERA[2:]], 2, "--depth-scale: expected --depth"),
+        ([*WITH_DEPTH, *CAMERA[:2]], 2, "--depth-scale: depth.png holds"),
+        *(
+            ([*WITH_DEPTH, *CAMERA[:3], scale], 2, "--depth-scale: expected")
+            for scale in ("0", "-1", "nan")
+        ),
+        (["small.png", "-o", "mask.png", "--depth", "depth.png", *CAMERA], 2, "depth: expected"),
+        (["depth.png", "-o", "mask.png"], 1, "depth.png: expected a colour image of 8 bits"),
+        (["color.tiff", "-o", "mask.png"], 1, "color.tiff: truncated, or not a colour image (PNG,"),
+        ([*MASK, "--rope-color", "300,0,0"], 2, "--rope-color: expected three"),
+        ([*MASK, "--ropes", "0"], 2, "ropes: expected"),
     ],
 )  # fmt: skip
 def test_errors_of_mask_are_one_line_and_leave_no_file(folder, capsys, arguments, code, said):
@@ -74,6 +98,7 @@ def test_errors_of_mask_are_one_line_and_leave_no_file(folder, capsys, arguments
     error = capsys.readouterr().err
     assert answer == code
     assert said in error.splitlines()[-1]
+    assert " at 0x" not in error
     assert not (folder / "mask.png").exists()
 
 
@@ -98,6 +123,7 @@ def test_reconstruct_finds_ropes_in_a_colour_image(folder, capsys):
     ("arguments", "code", "said"),
     [
         (["--color", "small.png"], 1, "small.png: color: expected the depth image's shape"),
+        (["--color", "depth.png"], 1, "depth.png: expected a colour image of 8 bits per channel"),
         (["--color", "no.png"], 3, "no.png: No such file"),
         (["--color", "color.png", "color.png"], 2, "colors: expected one file for each of 1 views, got 2"),
         (["--occluders", "color.png"], 1, "color.png: expected a single-channel mask PNG"),

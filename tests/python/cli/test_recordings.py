@@ -150,7 +150,7 @@ def test_a_recording_without_camera_info_is_read_with_intrinsics(tmp_path, capsy
         (["rope.bag", "--tolerance", "-1"], 2, "tolerance: expected a number >= 0"),
         (["rope.bag", "--mask", "a.png"], 2, "--mask: for scenes only"),
         (["rope.bag", "--every", "1", "--figures", "f"], 2, "--figures: for one frame only"),
-        (["rope.bag", "-o", "rope.bag"], 2, "--out: rope.bag is part of"),
+        (["rope.bag", "-o", "rope.bag"], 2, "--out: expected another file than the inputs"),
         (["rope.bag", "-o", "no/a.json"], 3, "no/a.json: No such file or directory"),
         (["rope.bag", "--depth-scale", "0"], 2, "depth_scale: expected a positive number"),
         (["arc.npz", "--frame", "0"], 2, "--frame: for recordings only, and arc.npz is none"),

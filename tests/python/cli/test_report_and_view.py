@@ -23,11 +23,11 @@ def test_report_writes_a_page(scene_npz, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        (["report", "arc.npz", "-o", "arc.npz"], 2, "--out: arc.npz is part of the scene"),
+        (["report", "arc.npz", "-o", "arc.npz"], 2, "--out: expected another file than the inputs"),
         (["report", "arc.npz", "-o", "no/a.html"], 3, "no/a.html: No such file or directory"),
         (["report", "no.npz", "-o", "a.html"], 3, "no.npz: No such file or directory"),
         (["report", "arc.npz", "-o", "a.html", "--radius", "0"], 2, "radius: "),
-        (["view", "arc.npz", "--save", "arc.npz"], 2, "--save: arc.npz is part of the scene"),
+        (["view", "arc.npz", "--save", "arc.npz"], 2, "--save: expected another file than the inputs"),
         (["view", "arc.npz", "--save", "no/a.rrd"], 3, "no/a.rrd: No such file or directory"),
     ],
 )

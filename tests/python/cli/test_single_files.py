@@ -110,7 +110,7 @@ def test_positions_may_be_negative_and_have_units(folder, given):
         (
             ["cloud.pcd", "--viewpoint", "0,0,1", "-o", "cloud.ply", "--tube", "cloud.pcd"],
             2,
-            "part of the scene",
+            "expected another file than the inputs",
         ),
         (
             ["cloud.pcd", "--viewpoint", "0,0,1", "-o", "a.ply", "--tube", "./a.ply"],
@@ -123,7 +123,7 @@ def test_positions_may_be_negative_and_have_units(folder, given):
             "a.stl: expected a name that ends with .ply",
         ),
         (["cloud.pcd", "--viewpoint", "0,0,1", "-o", "a.ply", "--tube", "no/a.ply"], 3, "no/a.ply: No such"),
-        (["depth.png", "-o", "k.txt", "--intrinsics", "k.txt", "--depth-scale", "1"], 2, "k.txt is part of"),
+        (["depth.png", "-o", "k.txt", "--intrinsics", "k.txt", "--depth-scale", "1"], 2, "inputs, got k.txt"),
     ],
 )
 def test_errors_are_one_line(folder, given, capsys, arguments, code, said):
