@@ -236,6 +236,8 @@ def _check_finite(name: str, array: Array) -> Array:
 def check_colors(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
     """Return colours from 0 to 1 as float64; uint8 colours are divided by 255."""
     array = to_array(name, value)
+    if array.dtype.kind in "iu" and array.dtype != np.uint8:
+        raise TypeError(f"{name}: expected uint8, or floats from 0 to 1, got dtype {array.dtype}")
     colors = check_finite_array(name, array / 255.0 if array.dtype == np.uint8 else array, shape)
     if colors.size and not (colors.min() >= 0 and colors.max() <= 1):
         raise ValueError(

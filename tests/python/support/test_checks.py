@@ -215,3 +215,16 @@ def test_numbers_at_the_limits_of_their_kind_raise_no_warning():
         strand.View(np.full((4, 3), np.finfo(np.longdouble).max))
     far = Doubt("end", 0.1, "where the rope ends", "it is far", (1e308, -1e308, 0.12345))
     assert "[1e+308, -1e+308, 0.123]" in str(far)
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda: strand.Chain(LINE, R, color=(255, 0, 0)), "color"),
+        (lambda: strand.View(LINE, colors=np.zeros(LINE.shape, dtype=int)), "colors"),
+        (lambda: strand.rope_mask(np.zeros((40, 40, 3), dtype=np.uint16)), "color"),
+    ],
+)
+def test_whole_numbers_as_colors_are_refused_with_the_ranges(make, name):
+    with pytest.raises(TypeError, match=f"^{name}: expected uint8, or floats from 0 to 1, got dtype u?int"):
+        make()

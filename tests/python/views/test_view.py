@@ -286,7 +286,7 @@ def test_colours_belong_to_the_view():
         (np.full((2, 3), 1.5), ValueError, "colors: expected colours from 0 to 1"),
         (np.full((2, 3), -0.5), ValueError, "colors: expected colours from 0 to 1"),
         (np.full((2, 3), np.nan), ValueError, "colors: expected finite"),
-        (np.zeros((2, 3), dtype=np.int64), TypeError, "colors: expected floating point"),
+        (np.zeros((2, 3), dtype=np.int64), TypeError, "colors: expected uint8, or floats"),
     ],
 )
 def test_wrong_colours_are_refused(colors, error, message):

@@ -128,10 +128,10 @@ def choose_ropes(
     good = _drop_inner(good, shape, choice)
     kept, taken = _keep_alike(good, shape, choice, known is not None)
     if not kept:
-        choice.why = (
-            f"nothing in the image looks like a rope: none of {len(pieces)} strips is long, of one width "
-            "and of one colour"
-        )
+        found = f"none of {len(pieces)} strips is long, of one width and of one colour"
+        if known is not None and not pieces:
+            found = "no strip has a colour near rope_color"
+        choice.why = f"nothing in the image looks like a rope: {found}"
         return choice
     used = {id(piece) for piece in (*good, *(piece for _, piece in choice.left_out))}
     others = [piece for piece in pieces if id(piece) not in used]

@@ -38,7 +38,7 @@ class RopeMask:
         Empty if no rope was found.
     labels : (H, W) ndarray of int32
         0 for no rope, otherwise the number of the rope's colour, from 1 on: in the order of `rope_color`, or
-        the most conspicuous colour first.
+        the most conspicuous colour first. A colour of `rope_color` that no rope has is not in it.
     radius_px : float
         Half width of most ropes, pixels; NaN without a rope.
     why : str
@@ -93,10 +93,10 @@ def rope_mask(
         Depth of the same pixels, metres; 0 or NaN for no return. Ropes then lie on or near the plane that
         most depth shows, and strips that depth shows flat are no ropes.
     intrinsics : (3, 3) array_like, optional
-        The pinhole matrix, pixels. Depth needs it.
+        The pinhole matrix, pixels. Depth needs it, and it needs depth.
     rope_color : array_like, optional
-        The ropes' colour, (3,), or several, (N, 3), in the units of `color`; or an (H, W) mask of a few
-        pixels that show rope, for instance clicked ones.
+        The ropes' colour, (3,), or several, (N, 3): whole numbers from 0 to 255, or floats from 0 to 1. Or
+        an (H, W) mask of a few pixels that show rope, for instance clicked ones; 0 is none.
     ropes : int, optional
         The number of ropes, if it is known: at most this many colours are in the mask.
 
@@ -110,7 +110,7 @@ def rope_mask(
     TypeError
         If an argument is of the wrong kind.
     ValueError
-        If a shape is wrong, a colour is out of range, or there is depth without intrinsics.
+        If a shape is wrong, a colour is out of range, or only one of depth and intrinsics is given.
 
     Examples
     --------
@@ -125,12 +125,18 @@ def rope_mask(
     image = convert_colors(color)
     shape = (image.shape[0], image.shape[1])
     table = None
-    if depth is not None:
+    if depth is None:
+        if intrinsics is not None:
+            raise ValueError("intrinsics: expected depth along with it, got None")
+    else:
         if intrinsics is None:
             raise ValueError("intrinsics: expected the camera's along with depth, got None")
         metres = to_array("depth", depth)
         if metres.dtype.kind != "f":
-            raise TypeError(f"depth: expected floating point numbers in metres, got dtype {metres.dtype}")
+            raise TypeError(
+                f"depth: expected floats in metres, got dtype {metres.dtype}; multiply whole numbers by the "
+                "metres of a unit, such as 0.001"
+            )
         if metres.shape != shape:
             raise ValueError(f"depth: expected the image's shape {shape}, got {metres.shape}")
         metres = np.where(np.isfinite(metres) & (metres > 0), metres, 0.0).astype(np.float64)
@@ -248,17 +254,17 @@ def _choose_low(
 def _convert_known(rope_color: ArrayLike, color: ArrayLike, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return (N, 3) known colours as bytes."""
     given = to_array("rope_color", rope_color)
-    if given.dtype == np.bool_:
+    if given.dtype == np.bool_ or (given.dtype.kind in "iu" and given.shape == image.shape[:2]):
         if given.shape != image.shape[:2]:
             raise ValueError(f"rope_color: expected a mask of shape {image.shape[:2]}, got {given.shape}")
         if not given.any():
             raise ValueError("rope_color: expected a mask with pixels, got an empty one")
-        return np.asarray(np.rint(np.median(image[given], axis=0)), dtype=np.uint8)[None]
+        return np.asarray(np.rint(np.median(image[given != 0], axis=0)), dtype=np.uint8)[None]
     rows = np.atleast_2d(given)
     if rows.ndim != 2 or rows.shape[1] != 3 or not 0 < len(rows) <= _MAX_COLORS:
         raise ValueError(
-            f"rope_color: expected a colour (3,), up to {_MAX_COLORS} colours (N, 3), or a mask of bool, "
-            f"got shape {given.shape}"
+            f"rope_color: expected a colour (3,), up to {_MAX_COLORS} colours (N, 3), or a mask of shape "
+            f"{image.shape[:2]}, got shape {given.shape}"
         )
     if rows.dtype.kind in "iu":
         if rows.min() < 0 or rows.max() > 255:

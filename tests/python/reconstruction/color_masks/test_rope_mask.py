@@ -67,6 +67,23 @@ def test_labels_are_by_color_and_follow_the_known_colors():
     assert np.mean(labels[0][one.mask] == 1) > 0.8
 
 
+def test_clicked_pixels_may_be_whole_numbers():
+    image = np.full((120, 160, 3), 180, dtype=np.uint8)
+    image[57:62, 20:140] = (147, 22, 40)
+    clicks = np.zeros((120, 160), dtype=np.uint8)
+    clicks[59, 60:70] = 255
+    found, want = (strand.rope_mask(image, rope_color=given) for given in (clicks, clicks > 0))
+    assert found
+    np.testing.assert_array_equal(found.labels, want.labels)
+
+
+def test_a_known_color_that_nothing_has_is_named():
+    image = np.full((120, 160, 3), 180, dtype=np.uint8)
+    image[57:62, 20:140] = (147, 22, 40)
+    found = strand.rope_mask(image, rope_color=(0, 200, 0))
+    assert found.why == "nothing in the image looks like a rope: no strip has a colour near rope_color"
+
+
 def test_a_known_color_finds_no_less_than_none():
     paint = {"ropes": (((0.9, 0.85, 0.2), (0.1, 0.1, 0.6)),), "table": (0.4, 0.42, 0.4)}
     _, color, exact = make_scene(**paint)
@@ -169,7 +186,14 @@ def test_pixels_of_wide_pieces_are_those_of_the_whole_image():
     [
         ({"color": np.zeros((40, 40))}, "color: expected"),
         ({"depth": np.ones((50, 60))}, "intrinsics: expected"),
+        (
+            {"depth": np.ones((50, 60), dtype=np.uint16), "intrinsics": np.eye(3)},
+            "depth: .* multiply .* by the metres of a unit",
+        ),
+        ({"intrinsics": np.eye(3)}, "intrinsics: expected depth along with it"),
+        ({"intrinsics": "x"}, "intrinsics: expected"),
         ({"rope_color": np.zeros((2, 2))}, "rope_color: expected"),
+        ({"rope_color": np.zeros((50, 60), dtype=np.uint8)}, "rope_color: expected a mask with pixels"),
         ({"ropes": 0}, "ropes: expected"),
     ],
 )
