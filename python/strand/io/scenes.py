@@ -86,8 +86,8 @@ def load_scene(
     - `poses` (V, 4, 4), camera to world
 
     It may have `color` (V, H, W, 3) uint8, `mask` (V, H, W) of bools or labels, `occluders` (V, H, W) of
-    bools, the extraction range `box` (2, 3), `radius`, `name`, and the true centrelines `truth_0`, `truth_1`,
-    ...
+    bools or whole numbers, the extraction range `box` (2, 3), `radius`, `name`, and the true centrelines
+    `truth_0`, `truth_1`, ...
 
     A `scene.toml` names the file and the pose of each view:
 
@@ -259,8 +259,9 @@ def _make_scene(name: str, arrays: dict[str, NDArray[Any]], images: list[dict[st
         _add_images(images, "mask", labels)
     if "occluders" in arrays:
         hiding = arrays["occluders"]
-        if hiding.shape != depth.shape or hiding.dtype != np.bool_:
-            raise ValueError(f"occluders: expected {depth.shape} of bools, got {hiding.shape} {hiding.dtype}")
+        if hiding.shape != depth.shape or hiding.dtype.kind not in "biu":
+            got = f"{hiding.shape} {hiding.dtype}"
+            raise ValueError(f"occluders: expected {depth.shape} of bools or whole numbers, got {got}")
         _add_images(images, "occluders", hiding)
     views = tuple(
         View.from_depth(image, arrays["K"], pose, depth_scale=scale, **own)

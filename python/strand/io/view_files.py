@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from strand.io.pcd import read_pcd
 from strand.io.ply import read_ply
 from strand.io.point_cloud import PointCloud, scale_colors
 from strand.io.xyz import read_xyz
-from strand.support.checks import check_mask, check_sequence
+from strand.support.checks import check_mask, check_occluders, check_sequence
 from strand.support.files import FileFormatError
 
 COLOR_BYTES = 24  # of a pixel's colour (three float64)
@@ -59,18 +59,24 @@ def read_images(files: Mapping[str, Path], shape: tuple[int, ...], budget: Budge
             raise FileFormatError(files["color"], reason, "color")
         budget.take(files["color"], COLOR_BYTES * images["colors"][..., 0].size)
     if "mask" in files:
-        images["mask"] = read_mask(files["mask"], shape, budget)
+        images["mask"] = _read_pixels(files["mask"], shape, budget, "mask", check_mask)
     if "occluders" in files:
-        images["occluders"] = read_mask(files["occluders"], shape, budget, "occluders") != 0
+        images["occluders"] = _read_pixels(files["occluders"], shape, budget, "occluders", check_occluders)
     return images
 
 
-def read_mask(path: Path, shape: tuple[int, ...], budget: Budget, key: str = "mask") -> NDArray[Any]:
-    """Return the (H, W) labels, or bools, of a mask file, which must have this shape."""
-    labels = read_npy(path, budget) if path.suffix.lower() == ".npy" else read_mask_png(path, budget)
-    budget.take(path, _MASK_PIXEL * labels.size)
+def _read_pixels(
+    path: Path,
+    shape: tuple[int, ...],
+    budget: Budget,
+    key: str,
+    check: Callable[[str, NDArray[Any], tuple[int, ...]], NDArray[Any]],
+) -> NDArray[Any]:
+    """Return the (H, W) pixels of a mask file as a check returns them; errors name the file and the key."""
+    pixels = read_npy(path, budget) if path.suffix.lower() == ".npy" else read_mask_png(path, budget)
+    budget.take(path, _MASK_PIXEL * pixels.size)
     try:
-        return check_mask(key, labels, shape)
+        return check(key, pixels, shape)
     except (TypeError, ValueError) as error:
         raise FileFormatError.from_error(path, error) from error
 

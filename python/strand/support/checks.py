@@ -265,14 +265,16 @@ def check_mask(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[n
     return np.array(array, dtype=np.int32, order="C")
 
 
-def check_occluders(name: str, value: ArrayLike, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Return a new array of bools in the image's shape: the pixels of the robot or of a hand."""
+def check_occluders(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Return a new array of bools in the image's shape: pixels of the robot or a hand, not 0."""
     array = to_array(name, value)
-    if array.dtype != np.bool_:
-        raise TypeError(f"{name}: expected bools (True: the robot or a hand), got dtype {array.dtype}")
+    if array.dtype.kind not in "biu":
+        raise TypeError(
+            f"{name}: expected bools, or whole numbers (0: neither robot nor hand), got dtype {array.dtype}"
+        )
     if array.shape != shape:
         raise ValueError(f"{name}: expected the depth image's shape {shape}, got {array.shape}")
-    return np.array(array, order="C")
+    return np.array(array != 0, order="C")
 
 
 def check_rigid_motion(name: str, value: ArrayLike) -> Array:

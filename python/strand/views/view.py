@@ -129,10 +129,10 @@ class View:
             The ropes' pixels: True, or labels, where 0 is no rope and every other number is a rope or a piece
             of one. Pixels inside need no depth. The view's points are those inside the mask; depths outside
             still show which space is free.
-        occluders : (H, W) array_like of bool, optional
-            The pixels of the robot or of a hand, for instance from the robot's own model. They are no rope,
-            whatever `mask` says, and their depths are dropped. Space behind them is hidden, not free: a
-            rope may go on there, and where it ends there, `Chain.hidden_ends` says so.
+        occluders : (H, W) array_like of bool or int, optional
+            The pixels of the robot or of a hand, for instance from the robot's own model: True, or any number
+            but 0. They are no rope, whatever `mask` says, and their depths are dropped. Space behind them is
+            hidden, not free: a rope may go on there, and where it ends there, `Chain.hidden_ends` says so.
 
         Returns
         -------

@@ -53,6 +53,14 @@ def test_an_archive_has_occluders_which_arguments_replace(folder):
         np.testing.assert_array_equal(view.image.colors, 70)
 
 
+def test_every_number_but_0_is_an_occluder(folder):
+    save_npz(folder / "a.npz", occluders=255 * np.stack([OCCLUDERS] * 2).astype(np.uint8))
+    np.save("signed.npy", -OCCLUDERS.astype(int))
+    for given in ({}, {"occluders": ["signed.npy"] * 2}):
+        for view in load_scene("a.npz", **given).views:
+            np.testing.assert_array_equal(view.image.occluders, OCCLUDERS)
+
+
 def test_files_of_wrong_sizes_kinds_and_numbers_are_refused(folder):
     Image.fromarray(np.zeros((2, 2, 3), dtype=np.uint8)).save("small.png")
     np.save("small.npy", np.zeros((2, 2), dtype=bool))
@@ -67,8 +75,8 @@ def test_files_of_wrong_sizes_kinds_and_numbers_are_refused(folder):
     ):
         with pytest.raises(ValueError, match=reason):
             load_scene("depth.png", **given, **CAMERA)
-    save_npz(folder / "a.npz", occluders=np.zeros((2, *DEPTH.shape), dtype=np.uint8))
-    with pytest.raises(strand.FileFormatError, match=r"a\.npz: occluders: expected .* of bools, got"):
+    save_npz(folder / "a.npz", occluders=np.zeros((2, *DEPTH.shape)))
+    with pytest.raises(strand.FileFormatError, match=r"a\.npz: occluders: expected .* of bools or whole"):
         load_scene("a.npz")
     np.savetxt("a.csv", np.ones((3, 3)), delimiter=",")
     for name in ("colors", "occluders"):
