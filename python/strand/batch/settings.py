@@ -52,7 +52,7 @@ class Settings:
         Number of taken frames in a unit of work; by default a unit is a whole recording. With stretches, the
         batch opens each bag during the search to read its index. With `world` or several topics, each stretch
         first decodes all of a bag's messages; then give a tenth of its frames or more.
-    topics, world, tolerance, ignore_distortion
+    topics, world, tolerance, ignore_distortion, color_topics
         For bags, as in `strand.Recording`.
     intrinsics : (3, 3) array_like, optional
         Pinhole matrix of bags, folders of images and single depth images, pixels.
@@ -85,6 +85,7 @@ class Settings:
     depth_scale: float | None = None
     viewpoint: ArrayLike | None = None
     camera_frame: bool = False
+    color_topics: Sequence[str] | None = None
     max_bytes: int = MAX_BYTES
     outside: bool = False
 
@@ -110,9 +111,10 @@ class Settings:
             "depth_scale": None if self.depth_scale is None else float(self.depth_scale),
             "max_bytes": check_integer("max_bytes", self.max_bytes, 1),
         }
-        if self.topics is not None:
-            given = check_sequence("topics", self.topics, "text")
-            checked["topics"] = tuple(check_text("topics", topic) for topic in given)
+        for name in ("topics", "color_topics"):
+            if (given := getattr(self, name)) is not None:
+                listed = check_sequence(name, given, "text")
+                checked[name] = tuple(check_text(name, topic) for topic in listed)
         if self.viewpoint is not None:
             checked["viewpoint"] = freeze_array(check_small_array("viewpoint", self.viewpoint, (3,)))
         for name, value in checked.items():

@@ -304,6 +304,7 @@ def open_bag(path: str, settings: Settings) -> Recording:
         tolerance=settings.tolerance,
         intrinsics=settings.intrinsics,
         depth_scale=settings.depth_scale,
+        color_topics=settings.color_topics,
         ignore_distortion=settings.ignore_distortion,
         max_bytes=settings.max_bytes,
     )

@@ -16,7 +16,7 @@ from strand.batch.running import ENGINES, Counts
 from strand.batch.running import run as run_batch
 from strand.cli import values
 from strand.cli.arguments import collect_arguments
-from strand.cli.inputs import load_intrinsics
+from strand.cli.inputs import choose_color_topics, load_intrinsics
 from strand.cli.options import add_camera, add_recording, add_ropes
 from strand.cli.terminal import print_message
 from strand.io.recordings.recording import TOLERANCE
@@ -144,6 +144,7 @@ def _make_settings(options: argparse.Namespace) -> Settings:
         ignore_distortion=options.ignore_distortion,
         intrinsics=load_intrinsics(options.intrinsics),
         depth_scale=options.depth_scale,
+        color_topics=choose_color_topics(options),
         viewpoint=options.viewpoint,
         camera_frame=options.camera_frame,
         max_bytes=options.max_bytes,

@@ -61,8 +61,6 @@ def open_recording(options: argparse.Namespace) -> Recording:
     if not is_recording(path):
         _refuse_options(options, _RECORDING_OPTIONS, f"for recordings only, and {path} is none")
     _refuse_options(options, _SCENE_OPTIONS, "for scenes only; a recording has its own")
-    if options.no_color and options.color_topic is not None:
-        raise ValueError("--no-color: expected either --color-topic or --no-color, got both")
     return Recording(
         path,
         options.topic,
@@ -70,10 +68,18 @@ def open_recording(options: argparse.Namespace) -> Recording:
         tolerance=TOLERANCE if options.tolerance is None else options.tolerance,
         intrinsics=load_intrinsics(options.intrinsics),
         depth_scale=options.depth_scale,
-        color_topics=() if options.no_color else options.color_topic,
+        color_topics=choose_color_topics(options),
         ignore_distortion=options.ignore_distortion,
         max_bytes=options.max_bytes,
     )
+
+
+def choose_color_topics(options: argparse.Namespace) -> Sequence[str] | None:
+    """Return the colour topics of a recording: none with --no-color, and None for the default."""
+    if options.no_color and options.color_topic is not None:
+        raise ValueError("--no-color: expected either --color-topic or --no-color, got both")
+    topics: Sequence[str] | None = () if options.no_color else options.color_topic
+    return topics
 
 
 def list_input_files(options: argparse.Namespace, scene: Scene) -> tuple[Path, ...]:

@@ -25,13 +25,6 @@ def add_scene(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("recordings")
     add_recording(group)
     group.add_argument(
-        "--color-topic",
-        nargs="+",
-        metavar="TOPIC",
-        help="topics with the colours of the depth topics, one for each (default: the nearest by name)",
-    )
-    group.add_argument("--no-color", action="store_true", help="do not read colours")
-    group.add_argument(
         "--frame", type=int, metavar="N", help="number of the first or only frame, from 0 (default: 0)"
     )
 
@@ -87,6 +80,13 @@ def add_recording(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--ignore-distortion", action="store_true", help="use the images of lenses that distort as they are"
     )
+    group.add_argument(
+        "--color-topic",
+        nargs="+",
+        metavar="TOPIC",
+        help="topics with the colours of the depth topics, one for each (default: the nearest by name)",
+    )
+    group.add_argument("--no-color", action="store_true", help="do not read colours of recordings")
 
 
 def add_priors(command: argparse.ArgumentParser) -> None:

@@ -278,6 +278,7 @@ def test_a_folder_without_recordings_is_refused_before_the_work(folder):
         ({"ropes": 1.5}, TypeError),
         ({"config": "fast"}, TypeError),
         ({"topics": "/depth"}, TypeError),
+        ({"color_topics": "/rgb"}, TypeError),
         ({"intrinsics": np.eye(2)}, ValueError),
         ({"bounds": (0, 1)}, ValueError),
     ],

@@ -9,9 +9,11 @@ import time
 import numpy as np
 import pytest
 
+from lib.bag_files import START, Messages, write_bag
 from shared.batch_recordings import save_scenes
 from strand.batch import Counts, EngineError, Settings, load_table, local_engine
 from strand.cli import batch, main
+from strand.synthetic import color_scene
 
 
 @pytest.fixture
@@ -62,7 +64,9 @@ def test_rows_of_recordings_that_cannot_be_read_now_are_kept(folder, capsys, mon
 
 def test_options_are_settings(folder):
     words = "--radius 4.2mm --bounds -1 -1 -1 1 1 1 --every 2 --stretch 7 --depth-scale 0.001 --topic /a /b"
-    more = "--intrinsics 100,100,50,50 --world map --tolerance 0.5 --length 40cm --threads 1"
+    more = (
+        "--intrinsics 100,100,50,50 --world map --tolerance 0.5 --length 40cm --threads 1 --color-topic /c /d"
+    )
     assert main(["batch", "in", "-o", "out", *words.split(), *more.split()]) == 0
     settings = Settings(
         radius=0.0042,
@@ -75,6 +79,7 @@ def test_options_are_settings(folder):
         world="map",
         tolerance=0.5,
         length=0.4,
+        color_topics=["/c", "/d"],
     )
     written = folder / "out" / f"_configuration-{settings.digest}.json"
     assert json.loads(written.read_text())["radius"] == 0.0042
@@ -142,3 +147,24 @@ def test_refused_batches_have_an_exit_code(folder, capsys, words, code):
     assert main(["batch", *words]) == code
     assert capsys.readouterr().err.startswith("strand: error: ")
     assert not (folder / "out").exists()
+
+
+def test_colours_of_recordings_are_used_unless_they_are_turned_off(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    made, scene = Messages(), color_scene("two ropes", 0)
+    depth = np.rint(1e3 * scene.scene.depth_scale * scene.scene.depth[0]).astype(np.uint16)
+    entries = [
+        ("/cam/depth/camera_info", START, made.info(scene.scene.intrinsics, depth.shape, START)),
+        ("/cam/depth/image", START, made.image(depth, START)),
+        ("/cam/rgb/image", START, made.color(scene.color[0], START)),
+    ]
+    write_bag(tmp_path / "bag", "mcap", entries)
+    for more, labels in (
+        ([], {1, 2}),
+        (["--color-topic", "/cam/rgb/image"], {1, 2}),
+        (["--no-color"], {None}),
+    ):
+        assert main(["batch", "bag", "-o", "out", *more]) == 0
+        assert set(load_table("out")["label"].to_pylist()) == labels
+    assert main(["batch", "bag", "-o", "out", "--no-color", "--color-topic", "/cam/rgb/image"]) == 2
+    assert "--no-color: expected either" in capsys.readouterr().err
