@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -60,6 +62,8 @@ def test_labels_colours_and_hidden_ends_survive_and_older_files_have_none(tmp_pa
     for name in ("label", "color", "hidden_ends"):
         del data["chains"][0][name]
     path.write_text(json.dumps(data))
+    schema = Path(__file__).parents[3] / "docs" / "model.schema.json"
+    jsonschema.Draft202012Validator(json.loads(schema.read_text())).validate(json.loads(path.read_text()))
     (older,) = strand.load_model(path).chains
     assert (older.label, older.color, older.hidden_ends) == (None, None, (False, False))
 
