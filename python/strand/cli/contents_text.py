@@ -19,6 +19,7 @@ from strand.io.recordings.recording_contents import CameraContents, RecordingCon
 from strand.io.view_summary import ViewSummary
 from strand.report import tables
 from strand.ropes.model import VERSION, Model
+from strand.support.checks import Array
 from strand.views.box import format_point
 
 _LABEL_COLUMNS = 12  # columns of the labels
@@ -114,10 +115,32 @@ def _describe_model(model: Model) -> list[Row]:
         Row("method", model.method or "not known"),
         Row("views", f"{len(model.poses)}"),
         *_label_first("chains", [Row("", line, wraps=False) for line in table]),
+        Row("up", _format_vector(model.up)),
+        Row("table", _describe_table(model)),
+        Row("labels", _describe_labels(model)),
         Row("confidence", "not known" if np.isnan(model.confidence) else f"{model.confidence:.2f}"),
         Row("doubts", _count_kinds([doubt.kind for doubt in model.doubts])),
         Row("warnings", _count_kinds([warning.kind for warning in model.warnings])),
     ]
+
+
+def _format_vector(vector: Array) -> str:
+    """Return the coordinates of a unit vector in words."""
+    return f"({', '.join(f'{x:.3g}' for x in np.round(vector, 3) + 0.0)})"
+
+
+def _describe_table(model: Model) -> str:
+    if model.table is None:
+        return "none"
+    return f"normal {_format_vector(model.table.normal)}, offset {model.table.offset:.4g} m"
+
+
+def _describe_labels(model: Model) -> str:
+    """Return the label of each chain, or that no chain has one."""
+    labels = [chain.label for chain in model.chains]
+    if all(label is None for label in labels):
+        return "none"
+    return ", ".join("none" if label is None else f"{label}" for label in labels)
 
 
 def _count_kinds(kinds: Sequence[str]) -> str:

@@ -113,12 +113,31 @@ def test_points_without_a_finite_one(tmp_path, capsys):
     assert lines[-1] == "  refused     it holds no points"
 
 
+def test_a_model_with_a_table_labels_and_hidden_ends(folder, capsys):
+    chains = [
+        strand.Chain(POINTS, 0.004, label=2, hidden_ends=(True, False)),
+        strand.Chain(POINTS + 0.1, 0.004),
+    ]
+    up = (0.0, -0.6, 0.8)
+    strand.Model(chains, SCENE.poses, up=up, table=(up, -0.25)).save("labels.json")
+    lines = lines_of(capsys, "labels.json")
+    assert "first hidden" in lines[4]
+    assert lines[6:9] == [
+        "  up          (0, -0.6, 0.8)",
+        "  table       normal (0, -0.6, 0.8), offset -0.25 m",
+        "  labels      2, none",
+    ]
+
+
 def test_a_model(folder, capsys):
     lines = lines_of(capsys, "model.json")
     assert lines[0] == "model.json: model, version 2"
     length = f"{strand.load_model('model.json').chains[0].length * 1e3:.1f}"
     assert lines[4].split() == ["0", length, "40", "4.00", "open", "0.50", "end"]
     assert lines[5:] == [
+        "  up          (0, 0, 1)",
+        "  table       none",
+        "  labels      none",
         "  confidence  0.50",
         "  doubts      1 end",
         "  warnings    none",
