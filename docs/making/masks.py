@@ -6,12 +6,13 @@ python docs/making/masks.py
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 import strand
 from strand.synthetic import COLOR_KINDS, FRAMES, color_scene, frame_scene
@@ -24,23 +25,35 @@ MARGIN = 20  # pixels around the ropes
 DRAWN = {"bbox_inches": "tight", "dpi": 70, "pil_kwargs": {"quality": 75}}
 
 
-def draw_chains(axes: Axes, views: tuple[strand.View, ...], ropes: int, radius: float | None) -> str:
-    """Draw the chains of one view; return the confidence, or why there is no answer."""
+def draw_chains(
+    axes: Axes, view: strand.View, ropes: int, radius: float | None, *, bare: bool = False
+) -> str:
+    """Draw the chains of a view, or of its bare points; return the confidence, or why there is no answer."""
+    given = strand.View(view.points, view.pose) if bare else view
     try:
-        model = strand.reconstruct(views, radius, ropes=ropes)
+        model = strand.reconstruct([given], radius, ropes=ropes)
     except strand.StrandError as error:
         return f"refused: {str(error)[:40]}"
     for number, chain in enumerate(model.chains):
-        places = views[0].image.project(chain.points)
-        axes.plot(*places.T, color=COLORS[number % len(COLORS)], linewidth=1.5)
+        places = view.image.project(chain.points)
+        color = COLORS[number % len(COLORS)]
+        axes.plot(
+            *places.T,
+            color=color,
+            linewidth=1.5,
+            path_effects=[withStroke(linewidth=2.8, foreground="white")],
+        )
     return f"confidence {model.confidence:.2f}"
 
 
 def draw_frame(axes: Axes, kind: str) -> None:
-    """Draw a mask over its depth image, with the answer."""
-    made = frame_scene(kind, 4)
+    """Draw a mask, or where points were seen, over its depth image, with the answer."""
+    bare = kind == "points"
+    made = frame_scene("usual" if bare else kind, 4)
     (depth,), (mask,) = made.depth * made.depth_scale, made.mask
-    view_image = made.views[0].image
+    if bare:
+        mask = mask & (depth > 0)
+    (view,) = made.views
     middle = np.median(depth[mask & (depth > 0)])
     axes.imshow(
         np.where(depth > 0, depth, np.nan),
@@ -49,8 +62,9 @@ def draw_frame(axes: Axes, kind: str) -> None:
         vmax=middle + 8 * made.radius,
     )
     axes.contourf(mask, [0.5, 1.5], colors=[MASK], alpha=0.5)
-    said = draw_chains(axes, made.views, len(made.truth), None if kind == "mixed" else made.radius)
-    zoom(axes, np.concatenate([view_image.project(nodes) for nodes in made.truth]))
+    radius = None if kind == "mixed" else made.radius
+    said = draw_chains(axes, view, len(made.truth), radius, bare=bare)
+    zoom(axes, view, made.truth)
     axes.set_title(f"{kind}: {said}", fontsize=9)
 
 
@@ -60,16 +74,20 @@ def draw_color(axes: Axes, kind: str) -> None:
     found = strand.rope_mask(made.color[0])
     axes.imshow(made.color[0])
     if found.mask.any():
-        axes.contour(found.mask, [0.5], colors=MASK, linewidths=0.7)
-    said = draw_chains(axes, made.views, len(made.scene.truth), None)
+        axes.contour(found.mask, [0.5], colors=MASK, linewidths=1.0)
+    said = draw_chains(axes, made.views[0], len(made.scene.truth), None)
+    zoom(axes, made.views[0], made.scene.truth)
     axes.set_title(f"{kind}: {said}", fontsize=9)
 
 
-def zoom(axes: Axes, places: np.ndarray) -> None:
-    """Show the surroundings of (N, 2) places alone."""
-    (left, top), (right, bottom) = places.min(axis=0), places.max(axis=0)
-    axes.set_xlim(left - MARGIN, right + MARGIN)
-    axes.set_ylim(bottom + MARGIN, top - MARGIN)
+def zoom(axes: Axes, view: strand.View, ropes: Sequence[np.ndarray]) -> None:
+    """Show the surroundings of ropes in a view's image alone."""
+    places = np.concatenate([view.image.project(nodes) for nodes in ropes])
+    height, width = view.image.depth.shape
+    left, top = np.maximum(places.min(axis=0) - MARGIN, -0.5)
+    right, bottom = np.minimum(places.max(axis=0) + MARGIN, (width - 0.5, height - 0.5))
+    axes.set_xlim(left, right)
+    axes.set_ylim(bottom, top)
 
 
 def draw_sheet(path: Path, kinds: tuple[str, ...], draw: Callable[[Axes, str], None]) -> None:
@@ -85,7 +103,7 @@ def draw_sheet(path: Path, kinds: tuple[str, ...], draw: Callable[[Axes, str], N
 
 
 def main() -> int:
-    draw_sheet(FOLDER / "masks.jpg", FRAMES, draw_frame)
+    draw_sheet(FOLDER / "masks.jpg", (*FRAMES, "points"), draw_frame)
     draw_sheet(FOLDER / "colors.jpg", COLOR_KINDS, draw_color)
     return 0
 
