@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.geometry.plane import Plane
-from strand.reconstruction.images.above_table import segment_above_table
+from strand.reconstruction.images.above_table import measure_heights, segment_above_table
+from strand.reconstruction.images.outlines import outline_ropes
 from strand.support.checks import Array
+from strand.support.robust import estimate_deviation
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
 
@@ -23,6 +25,11 @@ MAX_SHARE = 5.0  # of the radius: masks that are wider show something else
 _MARGIN = 2  # pixels around the mask that heights are measured in
 _AROUND = 2.0  # radii farther
 _MIN_COVERED = 0.98  # of a mask lies as near to what stands out of the table as the mask is too wide
+_BESIDE = 2.0  # radii: heights beside a mask that are farther from the table's are other things
+_MAX_FINE = 0.35  # radii: noise of heights that show gaps between strands at most
+_FINE_NOISE = 0.35  # radii: noise of heights about tubes that are not quite round
+_MIN_FINE_COVERED = 0.9  # of a mask lies as near to what stands out of the table, where depth is fine
+_OUTLINE_WEIGHT = 0.9  # cost of a pixel's length of outline
 _SPECK = 3.0  # squared radii: smaller pieces are specks
 _REACH = 1.5  # pixels farther: edges of both are ragged
 _MIN_SHARE = 0.6  # of the ropes' radius: narrower strips that stand out are parts of ropes
@@ -75,6 +82,8 @@ def _slim_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
         return Slimmed(image, False)
     window = image.frame_mask(_MARGIN + int(_AROUND * pixels))
     part = image.cropped(window)
+    if _is_fine(part, table, bounds, radius):
+        return _cut_fine_mask(image, window, table, bounds, radius, shown)
     own = part.mask & segment_above_table(part, table, bounds, radius)
     slim = _core.estimate_mask_radius(own) if own.any() else None
     if slim is None or slim < _MIN_SHARE * pixels:
@@ -90,6 +99,37 @@ def _slim_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
     found = np.zeros_like(mask)
     found[window] = own
     return Slimmed(replace(image, labels=found), False)
+
+
+def _cut_fine_mask(image: DepthImage, window, table: Plane, bounds: Box | None, radius: float, shown: float) -> Slimmed:
+    """Cut a mask to what stands out of its table in depth that shows the gaps between strands."""
+    part = image.cropped(window)
+    mask = part.mask
+    pixels = radius * image.camera.focal[0] / image.distance
+    (outlined,) = outline_ropes(part, table, bounds, radius, _FINE_NOISE * radius, [_OUTLINE_WEIGHT])
+    own = mask & outlined.mask
+    slim = _core.estimate_mask_radius(own) if own.any() else None
+    if slim is None or slim < _MIN_SHARE * pixels or shown > MAX_SHARE * pixels:
+        return Slimmed(image, False)
+    excess = max(shown - slim, 0.0)
+    reach = excess + _REACH
+    bare = mask & (_core.measure_edge_distances(~own, int(reach) + 2) > reach)
+    if np.count_nonzero(bare) > (1.0 - _MIN_FINE_COVERED) * np.count_nonzero(mask):
+        return Slimmed(image, False)
+    if bare.any():
+        # depth does not show this part of the ropes
+        near = _core.measure_edge_distances(~bare, int(reach) + 2) <= reach
+        own |= near & (_core.measure_edge_distances(mask, int(excess) + 2) > excess)
+    found = np.zeros_like(image.mask)
+    found[window] = own
+    return Slimmed(replace(image, labels=found), slim > _MIN_WIDE * shown)
+
+
+def _is_fine(part: DepthImage, table: Plane, bounds: Box | None, radius: float) -> bool:
+    """Tell whether depth beside a mask has so little noise that it shows gaps between strands."""
+    heights, seen, _ = measure_heights(part, table, bounds, radius)
+    beside = heights[seen & ~part.mask & (np.abs(heights) < _BESIDE * radius)]
+    return len(beside) > 0 and estimate_deviation(beside) < _MAX_FINE * radius
 
 
 def _count_pieces(mask: NDArray[np.bool_], least: float) -> int:
