@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.geometry.plane import Plane
-from strand.reconstruction.images.above_table import measure_heights, segment_above_table
-from strand.reconstruction.images.outlines import outline_ropes
+from strand.reconstruction.images.above_table import segment_above_table
+from strand.reconstruction.images.outlines import MAX_FINE, measure_height_noise, outline_ropes
 from strand.support.checks import Array
-from strand.support.robust import estimate_deviation
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
 
@@ -25,8 +24,6 @@ MAX_SHARE = 5.0  # of the radius: masks that are wider show something else
 _MARGIN = 2  # pixels around the mask that heights are measured in
 _AROUND = 2.0  # radii farther
 _MIN_COVERED = 0.98  # of a mask lies as near to what stands out of the table as the mask is too wide
-_BESIDE = 2.0  # radii: heights beside a mask that are farther from the table's are other things
-_MAX_FINE = 0.35  # radii: noise of heights that show gaps between strands at most
 _FINE_NOISE = 0.35  # radii: noise of heights about tubes that are not quite round
 _MIN_FINE_COVERED = 0.9  # of a mask lies as near to what stands out of the table, where depth is fine
 _OUTLINE_WEIGHT = 0.9  # cost of a pixel's length of outline
@@ -82,7 +79,7 @@ def _slim_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
         return Slimmed(image, False)
     window = image.frame_mask(_MARGIN + int(_AROUND * pixels))
     part = image.cropped(window)
-    if _is_fine(part, table, bounds, radius):
+    if measure_height_noise(part, table, bounds, radius) < MAX_FINE * radius:
         return _cut_fine_mask(image, window, table, bounds, radius, shown)
     own = part.mask & segment_above_table(part, table, bounds, radius)
     slim = _core.estimate_mask_radius(own) if own.any() else None
@@ -123,13 +120,6 @@ def _cut_fine_mask(image: DepthImage, window, table: Plane, bounds: Box | None, 
     found = np.zeros_like(image.mask)
     found[window] = own
     return Slimmed(replace(image, labels=found), slim > _MIN_WIDE * shown)
-
-
-def _is_fine(part: DepthImage, table: Plane, bounds: Box | None, radius: float) -> bool:
-    """Tell whether depth beside a mask has so little noise that it shows gaps between strands."""
-    heights, seen, _ = measure_heights(part, table, bounds, radius)
-    beside = heights[seen & ~part.mask & (np.abs(heights) < _BESIDE * radius)]
-    return len(beside) > 0 and estimate_deviation(beside) < _MAX_FINE * radius
 
 
 def _count_pieces(mask: NDArray[np.bool_], least: float) -> int:

@@ -34,6 +34,7 @@ from strand.reconstruction.images.pixel_errors import (
     measure_errors,
 )
 from strand.reconstruction.images.prepare import prepare_views
+from strand.reconstruction.images.ragged_masks import mend_ragged_masks
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.reconstruction.stages import Found, Observed, Run, SoughtTable
 from strand.ropes.doubt import Alternative
@@ -119,8 +120,11 @@ def read_images(observed: Observed, config: Config, run: Run) -> Interpretation:
             table = Plane(*observed.support)
         if not any(observed.masked):
             given = mask_above_table(given, table, observed.bounds, radius)
-        elif not run.skips("pieces that masks lost"):
-            given = add_lost_pieces(given, table, observed.bounds, radius)
+        else:
+            if not run.skips("outlines of ragged masks"):
+                given = mend_ragged_masks(given, table, observed.bounds, radius)
+            if not run.skips("pieces that masks lost"):
+                given = add_lost_pieces(given, table, observed.bounds, radius)
         try:
             views = prepare_views(given, any(observed.masked), table, observed.bounds, radius)
         except ValueError as error:

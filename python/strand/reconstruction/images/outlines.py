@@ -12,12 +12,15 @@ import strand._core as _core
 from strand.geometry.plane import Plane
 from strand.reconstruction.images.above_table import MAX_HEIGHT, MIN_HEIGHT, measure_heights
 from strand.support.checks import Array
+from strand.support.robust import estimate_deviation
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
 
 _FINEST_RADIUS = 3.0  # pixels: a rope's radius, about, after pixels were averaged
 _EDGE_HEIGHT = 0.6  # radii: height of a rope's edge above its table
 _MIN_NOISE = 0.2  # radii: ropes are not quite round, nor poses exact
+_BESIDE = 2.0  # radii: heights beside a mask that are farther from the table's are other things
+MAX_FINE = 0.35  # radii: noise of heights that show gaps between strands at most
 _STEPS = 80  # steps of the search for an outline
 _MARGIN_RADII = 3.0  # radii around the first mask in which ropes are sought
 _MARGIN_PIXELS = 4  # pixels farther
@@ -53,6 +56,13 @@ def estimate_mean_noise(scatter: float, side: int, radius: float) -> float:
     return max(scatter / side, _MIN_NOISE * radius)
 
 
+def measure_height_noise(image: DepthImage, table: Plane, bounds: Box | None, radius: float) -> float:
+    """Return the standard deviation of heights beside a mask, metres; infinite if none is near the table's."""
+    heights, seen, _ = measure_heights(image, table, bounds, radius)
+    beside = heights[seen & ~image.mask & (np.abs(heights) < _BESIDE * radius)]
+    return estimate_deviation(beside) if len(beside) else np.inf
+
+
 def outline_ropes(
     image: DepthImage,
     table: Plane,
@@ -60,6 +70,7 @@ def outline_ropes(
     radius: float,
     noise: float,
     weights: Sequence[float],
+    prior: float = 0.0,
 ) -> list[DepthImage]:
     """Return the image with the likeliest mask for each weight of outlines.
 
@@ -79,6 +90,8 @@ def outline_ropes(
         Standard deviation of depth, metres.
     weights : sequence of float
         Cost of a pixel's length of outline, for each mask.
+    prior : float
+        Evidence of the first mask for a rope in it, and against one beside it.
     """
     rows, columns = (np.flatnonzero(image.mask.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
@@ -93,6 +106,7 @@ def outline_ropes(
     variance = (noise / radius * float(table.normal @ image.pose[:3, 2])) ** 2
     clipped = np.clip(above[part] / radius, MIN_HEIGHT, MAX_HEIGHT)
     evidence = np.where(seen[part], (_EDGE_HEIGHT - clipped) * _EDGE_HEIGHT / max(variance, 1e-6), 0.0)
+    evidence += np.where(image.mask[part], -prior, prior)
     found = []
     for outline in _core.find_short_outlines(evidence.astype(np.float32), weights, _STEPS):
         mask = np.zeros_like(image.mask)

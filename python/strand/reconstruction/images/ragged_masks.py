@@ -1,0 +1,71 @@
+"""Masks with ragged edges, holes and bits of the table: the likeliest outline by the mask and by depth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+import strand._core as _core
+from strand.geometry.plane import Plane
+from strand.reconstruction.images.outlines import MAX_FINE, measure_height_noise, outline_ropes
+from strand.views.box import Box
+from strand.views.depth_image import DepthImage
+
+_MIN_RAGGED = 0.075  # of an outline's steps: pixels that differ from most of their neighbours
+_MIN_PIXELS = 2.2  # pixels: masks of thinner ropes are not ragged but coarse
+_PRIOR = 1.0  # evidence of a ragged mask for a rope in it, and against one beside it
+_ROUNDNESS = 0.35  # radii: noise of heights about tubes that are not quite round
+_CORRELATED = 2.0  # times the noise of heights: errors of neighbouring pixels are correlated
+_OUTLINE_WEIGHT = 0.9  # cost of a pixel's length of outline
+_AROUND_RADII = 2.0  # radii around a mask in which it may have lost parts of ropes
+_AROUND_PIXELS = 2.0  # pixels farther
+_MARGIN = 4  # pixels around that
+
+
+def mend_ragged_masks(
+    images: Sequence[DepthImage], table: Plane | None, bounds: Box | None, radius: float
+) -> list[DepthImage]:
+    """Replace ragged masks of ropes of a radius, metres, by the likeliest outline.
+
+    A mask stays as it is if it is not ragged, its ropes are thin, or depth is too noisy to mend it.
+    """
+    if table is None:
+        return list(images)
+    return [_mend_mask(image, table, bounds, radius) for image in images]
+
+
+def _mend_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: float) -> DepthImage:
+    pixels = radius * image.camera.focal[0] / image.distance
+    if image.labels is None or not pixels >= _MIN_PIXELS or measure_raggedness(image.mask) < _MIN_RAGGED:
+        return image
+    around = _AROUND_RADII * pixels + _AROUND_PIXELS
+    window = image.frame_mask(_MARGIN + int(around))
+    part = image.cropped(window)
+    noise = measure_height_noise(part, table, bounds, radius)
+    if noise > MAX_FINE * radius:
+        return image
+    noise = float(np.hypot(_ROUNDNESS * radius, _CORRELATED * noise))
+    (outlined,) = outline_ropes(part, table, bounds, radius, noise, [_OUTLINE_WEIGHT], _PRIOR)
+    own = outlined.mask & (_core.measure_edge_distances(~part.mask, int(around) + 2) <= around)
+    if part.occluders is not None:
+        own &= ~part.occluders
+    if not own.any():
+        return image
+    mended = np.zeros_like(image.mask)
+    mended[window] = own
+    return replace(image, labels=mended)
+
+
+def measure_raggedness(mask: NDArray[np.bool_]) -> float:
+    """Return how many pixels of a mask differ from most of their neighbours, relative to its outline's steps."""
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return 0.0
+    own = np.pad(mask[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1], 2).astype(np.int8)
+    across = own[:, :-2] + own[:, 1:-1] + own[:, 2:]
+    most = across[:-2] + across[1:-1] + across[2:] > 4
+    steps = np.count_nonzero(own[1:] != own[:-1]) + np.count_nonzero(own[:, 1:] != own[:, :-1])
+    return float(np.count_nonzero(most != own[1:-1, 1:-1])) / steps
