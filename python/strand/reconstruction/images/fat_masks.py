@@ -87,7 +87,7 @@ def _slim_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
         return Slimmed(image, False)
     speck = _SPECK * pixels**2
     whole = _count_pieces(own, speck) <= _count_pieces(part.mask, speck)
-    if not whole or _measure_cover(part.mask, own, max(shown - slim, 0.0) + _REACH) < _MIN_COVERED:
+    if not whole or measure_cover(part.mask, own, max(shown - slim, 0.0) + _REACH) < _MIN_COVERED:
         return Slimmed(image, False)
     if slim > _MIN_WIDE * shown:
         return Slimmed(image, True)
@@ -98,7 +98,14 @@ def _slim_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
     return Slimmed(replace(image, labels=found), False)
 
 
-def _cut_fine_mask(image: DepthImage, window, table: Plane, bounds: Box | None, radius: float, shown: float) -> Slimmed:
+def _cut_fine_mask(
+    image: DepthImage,
+    window: tuple[slice, slice],
+    table: Plane,
+    bounds: Box | None,
+    radius: float,
+    shown: float,
+) -> Slimmed:
     """Cut a mask to what stands out of its table in depth that shows the gaps between strands."""
     part = image.cropped(window)
     mask = part.mask
@@ -106,8 +113,8 @@ def _cut_fine_mask(image: DepthImage, window, table: Plane, bounds: Box | None, 
     (outlined,) = outline_ropes(part, table, bounds, radius, _FINE_NOISE * radius, [_OUTLINE_WEIGHT])
     own = mask & outlined.mask
     slim = _core.estimate_mask_radius(own) if own.any() else None
-    if slim is None or slim < _MIN_SHARE * pixels or shown > MAX_SHARE * pixels:
-        return Slimmed(image, False)
+    if outlined is part or slim is None or slim < _MIN_SHARE * pixels or shown > MAX_SHARE * pixels:
+        return Slimmed(image, False)  # nothing stands out, or parts of ropes
     excess = max(shown - slim, 0.0)
     reach = excess + _REACH
     bare = mask & (_core.measure_edge_distances(~own, int(reach) + 2) > reach)
@@ -128,7 +135,7 @@ def _count_pieces(mask: NDArray[np.bool_], least: float) -> int:
     return int(np.count_nonzero(sizes >= least))
 
 
-def _measure_cover(mask: NDArray[np.bool_], own: NDArray[np.bool_], reach: float) -> float:
+def measure_cover(mask: NDArray[np.bool_], own: NDArray[np.bool_], reach: float) -> float:
     """Return the share of a mask that is within a reach, pixels, of a part of it."""
     away = _core.measure_edge_distances(~own, int(reach) + 2)
     return float(np.mean(away[mask] <= reach))

@@ -57,7 +57,7 @@ def estimate_mean_noise(scatter: float, side: int, radius: float) -> float:
 
 
 def measure_height_noise(image: DepthImage, table: Plane, bounds: Box | None, radius: float) -> float:
-    """Return the standard deviation of heights beside a mask, metres; infinite if none is near the table's."""
+    """Return the standard deviation of heights beside a mask, metres; infinite without any near the table."""
     heights, seen, _ = measure_heights(image, table, bounds, radius)
     beside = heights[seen & ~image.mask & (np.abs(heights) < _BESIDE * radius)]
     return estimate_deviation(beside) if len(beside) else np.inf

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.geometry.plane import Plane
+from strand.reconstruction.images.fat_masks import measure_cover
 from strand.reconstruction.images.outlines import MAX_FINE, measure_height_noise, outline_ropes
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
@@ -22,6 +23,8 @@ _CORRELATED = 2.0  # times the noise of heights: errors of neighbouring pixels a
 _OUTLINE_WEIGHT = 0.9  # cost of a pixel's length of outline
 _AROUND_RADII = 2.0  # radii around a mask in which it may have lost parts of ropes
 _AROUND_PIXELS = 2.0  # pixels farther
+_REACH = 2.5  # pixels: bits of a mask that are farther from its outline are other things
+_MIN_COVERED = 0.85  # of a mask lies nearer: with less depth does not show all of its ropes
 _MARGIN = 4  # pixels around that
 
 
@@ -52,7 +55,7 @@ def _mend_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
     own = outlined.mask & (_core.measure_edge_distances(~part.mask, int(around) + 2) <= around)
     if part.occluders is not None:
         own &= ~part.occluders
-    if not own.any():
+    if outlined is part or measure_cover(part.mask, own, _REACH) < _MIN_COVERED:
         return image
     mended = np.zeros_like(image.mask)
     mended[window] = own
@@ -60,7 +63,7 @@ def _mend_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
 
 
 def measure_raggedness(mask: NDArray[np.bool_]) -> float:
-    """Return how many pixels of a mask differ from most of their neighbours, relative to its outline's steps."""
+    """Return the number of pixels that differ from most of their neighbours, per step of a mask's outline."""
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
         return 0.0

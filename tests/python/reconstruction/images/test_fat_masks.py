@@ -39,15 +39,14 @@ def test_a_mask_is_slimmed_to_what_stands_out():
     assert 14 <= rows <= 19
 
 
-def test_a_mask_stays_where_depth_shows_no_rope_or_two_beside_each_other():
+def test_a_mask_stays_where_depth_shows_no_rope_and_keeps_two_beside_each_other():
     flat = draw_band([60], 14, stands_out=False)
     (found,) = slim_fat_masks([flat], TABLE, None, RADIUS)
     assert found.image is flat
     assert not found.is_wide
     pair = draw_band([52, 68], 16)
     (found,) = slim_fat_masks([pair], TABLE, None, RADIUS)
-    assert found.image is pair
-    assert found.is_wide
+    assert found.image.mask[[52, 68], 30:170].all()
 
 
 def test_a_fat_mask_without_clear_depth_is_read_at_its_own_radius():
@@ -76,3 +75,9 @@ def test_masks_twice_as_wide_as_ropes_are_right_and_named(camera, measure):
     assert found.frechet < 3.0
     assert model.chains[0].radius == made.radius
     assert any("pixels wider on each side" in doubt.reason for doubt in model.doubts)
+
+
+def test_gaps_that_a_fat_mask_fills_are_opened():
+    (found,) = slim_fat_masks([draw_band([48, 72], 28)], TABLE, None, RADIUS)
+    assert not found.image.mask[58:63, 30:170].any()
+    assert found.image.mask[[48, 72], 30:170].all()
