@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import strand._core as _core
 from strand.geometry.plane import Plane
 from strand.reconstruction.images.above_table import segment_above_table
-from strand.reconstruction.images.outlines import MAX_FINE, measure_height_noise, outline_ropes
+from strand.reconstruction.images.outlines import MAX_FINE, STEPS_BY_MASK, measure_height_noise, outline_ropes
 from strand.support.checks import Array
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
@@ -110,7 +110,9 @@ def _cut_fine_mask(
     part = image.cropped(window)
     mask = part.mask
     pixels = radius * image.camera.focal[0] / image.distance
-    (outlined,) = outline_ropes(part, table, bounds, radius, _FINE_NOISE * radius, [_OUTLINE_WEIGHT])
+    (outlined,) = outline_ropes(
+        part, table, bounds, radius, _FINE_NOISE * radius, [_OUTLINE_WEIGHT], steps=STEPS_BY_MASK
+    )
     own = mask & outlined.mask
     slim = _core.estimate_mask_radius(own) if own.any() else None
     if outlined is part or slim is None or slim < _MIN_SHARE * pixels or shown > MAX_SHARE * pixels:

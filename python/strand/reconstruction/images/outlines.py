@@ -22,6 +22,7 @@ _MIN_NOISE = 0.2  # radii: ropes are not quite round, nor poses exact
 _BESIDE = 2.0  # radii: heights beside a mask that are farther from the table's are other things
 MAX_FINE = 0.35  # radii: noise of heights that show gaps between strands at most
 _STEPS = 80  # steps of the search for an outline
+STEPS_BY_MASK = 40  # the same where a given mask says about where ropes are
 _MARGIN_RADII = 3.0  # radii around the first mask in which ropes are sought
 _MARGIN_PIXELS = 4  # pixels farther
 
@@ -71,6 +72,7 @@ def outline_ropes(
     noise: float,
     weights: Sequence[float],
     prior: float = 0.0,
+    steps: int = _STEPS,
 ) -> list[DepthImage]:
     """Return the image with the likeliest mask for each weight of outlines.
 
@@ -92,6 +94,8 @@ def outline_ropes(
         Cost of a pixel's length of outline, for each mask.
     prior : float
         Evidence of the first mask for a rope in it, and against one beside it.
+    steps : int
+        Steps of the search for an outline.
     """
     rows, columns = (np.flatnonzero(image.mask.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
@@ -108,7 +112,7 @@ def outline_ropes(
     evidence = np.where(seen[part], (_EDGE_HEIGHT - clipped) * _EDGE_HEIGHT / max(variance, 1e-6), 0.0)
     evidence += np.where(image.mask[part], -prior, prior)
     found = []
-    for outline in _core.find_short_outlines(evidence.astype(np.float32), weights, _STEPS):
+    for outline in _core.find_short_outlines(evidence.astype(np.float32), weights, steps):
         mask = np.zeros_like(image.mask)
         mask[part] = outline
         found.append(replace(image, labels=mask) if outline.any() else image)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import strand._core as _core
 from strand.geometry.plane import Plane
 from strand.reconstruction.images.fat_masks import measure_cover
-from strand.reconstruction.images.outlines import MAX_FINE, measure_height_noise, outline_ropes
+from strand.reconstruction.images.outlines import MAX_FINE, STEPS_BY_MASK, measure_height_noise, outline_ropes
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
 
@@ -51,7 +51,7 @@ def _mend_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
     if noise > MAX_FINE * radius:
         return image
     noise = float(np.hypot(_ROUNDNESS * radius, _CORRELATED * noise))
-    (outlined,) = outline_ropes(part, table, bounds, radius, noise, [_OUTLINE_WEIGHT], _PRIOR)
+    (outlined,) = outline_ropes(part, table, bounds, radius, noise, [_OUTLINE_WEIGHT], _PRIOR, STEPS_BY_MASK)
     own = outlined.mask & (_core.measure_edge_distances(~part.mask, int(around) + 2) <= around)
     if part.occluders is not None:
         own &= ~part.occluders
