@@ -13,6 +13,7 @@ from strand.reconstruction.evidence.confidence import assign_doubts, compute_con
 from strand.reconstruction.evidence.hidden_ends import doubt_hidden_ends, drop_explained, find_hidden_ends
 from strand.reconstruction.finding.ends_at_things import doubt_ends_at_things
 from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
+from strand.reconstruction.images.border_ends import doubt_ends_at_border
 from strand.reconstruction.observing import Hints, Scene
 from strand.reconstruction.orientation import oriented
 from strand.reconstruction.stages import Found, Run
@@ -21,6 +22,7 @@ from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.ropes.model import Model
 from strand.support.checks import Array
+from strand.views.depth_image import DepthImage
 from strand.views.view import View, placed
 
 _HASTE_DOUBT = 0.3  # doubt of an answer for which the deadline made strand skip something
@@ -53,6 +55,10 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
     run.warnings[:] = drop_explained(run.warnings, chains)
     for doubt, about in [*against, *((doubt, ()) for doubt in upwards.doubts)]:
         run.warn(doubt.kind, doubt.reason, doubt.place, doubt.amount, about)
+    at_border = doubt_ends_at_border(chains, _list_images(scene, list(poses)))
+    for doubt, (number,) in at_border:
+        run.warn("cut end", f"chain {number}: {doubt.reason}", doubt.place, doubt.amount, (number,))
+    against += at_border
     doubts = sorted(
         [
             *drop_explained(found.doubts or (), chains),
@@ -95,6 +101,21 @@ def _describe_chains(chains: Sequence[Chain], views: Sequence[View], poses: Sequ
         )
         for chain, ends in zip(chains, hidden, strict=True)
     ]
+
+
+def _list_images(scene: Scene, poses: Sequence[Array]) -> list[DepthImage]:
+    """Return the views' images with these poses; those made of clouds end where the clouds do."""
+    images = [
+        replace(view.image, pose=pose)
+        for view, pose in zip(scene.extract.whole, poses, strict=True)
+        if view.image is not None
+    ]
+    for number, drawn in scene.observed.pictures.items():
+        pose = poses[number] @ np.linalg.inv(scene.extract.whole[number].pose) @ drawn.pose
+        rows, columns = (np.flatnonzero((drawn.depth > 0).any(axis=axis)) for axis in (1, 0))
+        window = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+        images.append(replace(drawn.cropped(window), pose=pose))
+    return images
 
 
 def _doubt_haste(run: Run) -> list[Doubt]:

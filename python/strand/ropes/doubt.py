@@ -75,7 +75,7 @@ WARNINGS = (*DOUBTS, "branch", "cut end", "kept pose", "no rope", "open pose", "
 - "mask", also without a doubt: a mask has more labels than there are ropes.
 - "radius", also without a doubt: the points contradict the given radius, or hardly fix the estimated one.
 - "branch": a chain ends on the side of another one.
-- "cut end": a chain leaves the extraction range.
+- "cut end": a chain leaves the extraction range, or the images at their borders.
 - "kept pose": strand could not register a view, which keeps its reported pose.
 - "no rope": there is none. Only tables of batches have it; `reconstruct` raises `NoRopeError`.
 - "open pose": the data do not fix a direction of a view's pose.

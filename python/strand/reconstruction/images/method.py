@@ -13,6 +13,7 @@ from strand.reconstruction.evidence.answer_warnings import warn_about_answer
 from strand.reconstruction.evidence.depth_errors import MIN_CORRELATION
 from strand.reconstruction.images.above_table import mask_above_table
 from strand.reconstruction.images.beyond_mask import doubt_ends_beyond_masks
+from strand.reconstruction.images.border_ends import straighten_border_ends
 from strand.reconstruction.images.comparison import Explanation, find_likely_readings, fit_and_rank, refit
 from strand.reconstruction.images.facing_ends import doubt_facing_ends
 from strand.reconstruction.images.fat_masks import MIN_WIDER, measure_excess
@@ -178,9 +179,15 @@ def make_answer(read: Interpretation, observed: Observed, config: Config, run: R
         if read.excess > MIN_WIDER:
             # ends of masks lie beyond those of ropes by as much as their sides do
             fit = cut_ends(read.images, fit, read.excess * _measure_pixel(read), radius)
+        poses = correct_poses([view.pose for view in observed.views], fit.corrections)
+        shown = [
+            replace(view.image, pose=pose)
+            for view, pose in zip(observed.whole, poses, strict=True)
+            if view.image is not None
+        ]
+        fit = straighten_border_ends(read.images, fit, shown, radius)
         chains = make_chains(read.images, fit, radius, radius_sd, config)
     rivals = drop_same_courses(read.explanations, radius)
-    poses = correct_poses([view.pose for view in observed.views], fit.corrections)
     views = [replace(image, pose=pose) for image, pose in zip(read.taken, poses, strict=True)]
     wider = read.wider
     if read.scatter is not None:
