@@ -18,6 +18,7 @@ from strand.reconstruction.evidence.depth_errors import MIN_CORRELATION
 from strand.reconstruction.images.above_table import add_masks, drop_unclear_views
 from strand.reconstruction.images.comparison import Reading, fit_and_rank
 from strand.reconstruction.images.depth_scatter import SMALL_SCATTER, measure_depth_scatter
+from strand.reconstruction.images.mask_widths import doubt_given_radius
 from strand.reconstruction.images.method import Interpretation, make_answer, read_images
 from strand.reconstruction.images.noisy_depth import read_noisy_depth
 from strand.reconstruction.mistakes.diagnosis import find_mistakes
@@ -106,12 +107,15 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
         *doubt_shared_errors(used, found, config),
         *find_bias_doubts(used, found),
     ]
+    by_masks = doubt_given_radius(used, found)
+    for doubt in by_masks:
+        run.warn(doubt.kind, str(doubt), amount=doubt.amount)
     doubts = [doubt for doubt in doubts if doubt.amount > MIN_DOUBT]
     for doubt in doubts:
         # a radius that the points contradict has its warning
         if doubt.amount > _MIN_WARNED and doubt.kind != "radius":
             run.warn(doubt.kind, str(doubt), doubt.place, doubt.amount)
-    found = replace(found, doubts=(*(found.doubts or ()), *doubts))
+    found = replace(found, doubts=(*(found.doubts or ()), *doubts, *by_masks))
     return found if used is observed else _add_poses(found, used, observed)
 
 

@@ -56,7 +56,7 @@ DOUBTS = (
 - "points": too few points lie on the ropes.
 - "mask": the inside of a mask does not stand out from its surroundings.
 - "pose": poses moved farther than their stated error.
-- "radius": ropes look thicker or thinner than the given radius.
+- "radius": ropes or their masks look thicker or thinner than the given radius.
 - "range": ropes leave the extraction range.
 - "residuals": residuals are correlated along stretches of rope.
 - "view": a view saw through the ropes.

@@ -88,7 +88,7 @@ def prepare_views(
             taken, factor = magnify_thin_ropes(given, radius)
             images = prepare_images(taken, radius)
         own: list[float | None] = [
-            float(shown) if not one.is_wide and read + _CORRECTED < shown < MAX_SHARE * read else None
+            float(shown) if read + _CORRECTED < shown < MAX_SHARE * read else None
             for one, shown, read in zip(slimmed, images.shown, images.radii, strict=True)
         ]
         if any(own):
