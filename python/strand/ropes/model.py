@@ -53,7 +53,7 @@ SUFFIXES = ("json", "csv", "ply")
 _MAX_CHAINS_SHOWN = 3  # in the repr of a model
 _MAX_DOUBTS_SHOWN = 5  # in a notebook
 _GRAVITY = 9.81  # m/s^2
-_MIN_DOWNWARD = 0.1  # of `up` against z: with less, z may still be up, and the ropes hang on a wall
+_MIN_DOWNWARD = 0.1  # of `up` against z: with less, z may still be up if there is no table
 _BRANCHES = ("tubes", "images")  # of the default method
 
 
@@ -530,12 +530,13 @@ class Model:
             Young's modulus against bending, Pa; a third of it counts against twist. A rope bends more easily
             than its material: 1e6 is a soft rope.
         gravity : (3,) array_like, optional
-            Acceleration of gravity, world frame, m/s^2. By default it is 9.81 m/s^2 against z. If the cameras
-            look along z, as one without a pose does, it is 9.81 m/s^2 against `up`.
+            Acceleration of gravity, world frame, m/s^2. By default it is 9.81 m/s^2, against `up` if
+            there is a table or the cameras look along z, as one without a pose does, else against z.
         """
         check_suffix(path, ("xml",))
         pull = None if gravity is None else check_small_array("gravity", gravity, (3,))
-        if pull is None and self.up[2] < -_MIN_DOWNWARD:
+        # without a table z may still be up, and the ropes hang on a wall
+        if pull is None and (self.up[2] < -_MIN_DOWNWARD or (self.table is not None and self.up[2] < 1.0)):
             pull = -_GRAVITY * self.up
         write_bytes(path, make_mjcf(self.chains, version, spacing, density, young, pull))
 

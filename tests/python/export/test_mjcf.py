@@ -181,6 +181,10 @@ def test_gravity_pulls_to_the_table_of_a_camera_without_a_pose(tmp_path):
     assert "gravity" not in wall.attrib
     model, _ = load_mujoco(write_model(tmp_path, replace(MODEL, up=up)))
     assert model.opt.gravity == pytest.approx(-9.81 * up)
+    # a table in a world with y up
+    tabled = replace(MODEL, up=(0.0, 1.0, 0.0), table=((0.0, 1.0, 0.0), 0.0))
+    model, _ = load_mujoco(write_model(tmp_path, tabled))
+    assert model.opt.gravity == pytest.approx([0.0, -9.81, 0.0])
     model, _ = load_mujoco(write_model(tmp_path, gravity=(0.0, -1.6, 0.0)))
     assert model.opt.gravity == pytest.approx([0.0, -1.6, 0.0])
     with pytest.raises(ValueError, match="gravity"):
