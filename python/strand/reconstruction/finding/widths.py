@@ -15,6 +15,7 @@ _MIN_RADIUS = 0.0008  # metres
 _MAX_RADIUS = 0.03  # metres
 _RADII = 120  # radii that are tried
 _SAME_WIDTH = 0.2  # logarithm of half widths: strips of one width differ by less
+_MIN_BLOB = 10.0  # half widths: shorter blobs are specks and things
 _MIN_DISTANCE = 1.5  # pixels from a strip's middle to its edge
 
 
@@ -22,13 +23,23 @@ def estimate_strip_radius(images: Sequence[DepthImage]) -> float:
     """Return the half width, metres, of the strips in masks that are longest for their width."""
     radii = np.exp(np.linspace(np.log(_MIN_RADIUS), np.log(_MAX_RADIUS), _RADII))
     logs, lengths = (
-        np.concatenate(parts) for parts in zip(*(_find_middles(image)[:2] for image in images), strict=True)
+        np.concatenate(parts) for parts in zip(*(_find_long(image) for image in images), strict=True)
     )
     order = np.argsort(logs)
     logs, sums = logs[order], np.concatenate([[0.0], np.cumsum(lengths[order])])
     first, last = (np.searchsorted(logs, np.log(radii) + side) for side in (-_SAME_WIDTH, _SAME_WIDTH))
     scores = (sums[last] - sums[first]) / radii
     return float(radii[int(np.argmax(scores))])
+
+
+def _find_long(image: DepthImage) -> tuple[Array, Array]:
+    """Return half widths and lengths as `_find_middles` does: those of blobs that are no specks, if any."""
+    logs, lengths, middle = _find_middles(image)
+    own = _core.number_blobs(image.mask)[middle]
+    total, mean = np.bincount(own, lengths), np.bincount(own, lengths * logs)
+    long = total > _MIN_BLOB * np.exp(mean / np.maximum(total, 1e-12))
+    kept = long[own]
+    return (logs[kept], lengths[kept]) if kept.any() else (logs, lengths)
 
 
 def measure_strip_lengths(image: DepthImage, radius: float | None = None) -> Array:
