@@ -13,6 +13,7 @@ from strand.views.depth_image import DepthImage
 from strand.views.view import View
 
 _STEPS = (1.5, 2.5, 3.5)  # radii beyond an end: something is sought there
+_ASIDE = 1.2  # radii to both sides of these places: a thing may hide a bend there
 _BACK = 3.0  # radii along the rope that give the direction of its end
 _IN_FRONT = 5.0  # radii: what is this much nearer to the camera is no rope on the rope
 _BESIDE = 1.0  # radii: the same, of what is not in the mask of the ropes that were found
@@ -39,16 +40,22 @@ def doubt_ends_at_things(
             end, back = chain.at(at), chain.at(inward)
             step = (end - back) / max(float(np.linalg.norm(end - back)), 1e-12) * chain.radius
             places = end + np.outer(_STEPS, step)
-            if images and all(_hides(image, places, chain.radius) for image in images):
+            if images and all(_hides(image, places, step, chain.radius) for image in images):
                 reason = "something stands in front of this end: the rope may go on behind it"
                 found.append((Doubt("end", _DOUBT, "where a rope ends", reason, end), (number,)))
     return found
 
 
-def _hides(image: DepthImage | None, places: Array, radius: float) -> bool:
-    """Tell whether an image shows something clearly in front of one of (N, 3) places."""
+def _hides(image: DepthImage | None, places: Array, step: Array, radius: float) -> bool:
+    """Tell whether an image shows something clearly in front of one of (N, 3) places, or beside it.
+
+    They follow each other in the direction of a step.
+    """
     if image is None:
         return False
+    aside = np.cross(step, image.pose[:3, 2])
+    aside *= _ASIDE * radius / max(float(np.linalg.norm(aside)), 1e-12)
+    places = np.concatenate([places, places + aside, places - aside])
     rows, columns, inside = image.find_pixels(places)
     away = (places - image.pose[:3, 3]) @ image.pose[:3, 2]
     inside &= away > 0
