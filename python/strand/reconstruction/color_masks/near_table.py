@@ -128,7 +128,7 @@ def find_near_table(depth: Array, camera: Pinhole) -> NearTable | None:
     few = heights[::_EACH]
     scatter = estimate_deviation(few[np.abs(few) < -_NEAR_PLANE * plane.offset])
     flat = away < max(_DEVIATIONS * scatter, _MIN_HEIGHT)
-    shares = _average(flat[::_EACH, ::_EACH].astype(np.float32), _REACH // _EACH) > _MIN_SHARE
+    shares = average(flat[::_EACH, ::_EACH].astype(np.float32), _REACH // _EACH) > _MIN_SHARE
     near = shares.repeat(_EACH, axis=0).repeat(_EACH, axis=1)[: depth.shape[0], : depth.shape[1]]
     return NearTable(plane, near, heights, scatter, depth, camera.focal[0])
 
@@ -144,7 +144,7 @@ def select_seen(depth: Array, most: int) -> tuple[NDArray[np.intp], NDArray[np.i
     return rows[::each], columns[::each]
 
 
-def _average(values: np.ndarray, reach: int) -> np.ndarray:
+def average(values: np.ndarray, reach: int) -> np.ndarray:
     """Return the mean of each pixel's square."""
     for axis in (0, 1):
         around = np.pad(values, [(reach + 1, reach) if k == axis else (0, 0) for k in (0, 1)], mode="edge")

@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 import strand._core as _core
 from strand.reconstruction.color_masks.color_choice import Choice, choose_ropes
-from strand.reconstruction.color_masks.color_pieces import Piece, find_pieces
+from strand.reconstruction.color_masks.color_pieces import Mask, Piece, find_pieces
 from strand.reconstruction.color_masks.known_color import find_known_ropes, split_by_color
+from strand.reconstruction.color_masks.label_colors import split_labels
 from strand.reconstruction.color_masks.near_table import NearTable, find_near_table
 from strand.reconstruction.color_masks.refinement import refine_labels
 from strand.support.checks import Array, check_colors, check_integer, check_intrinsics, to_array
@@ -25,6 +26,7 @@ _MIN_SHARE = 0.03  # of the pixels: hues that fewer have do not count
 _MAX_SAMPLES = 1500  # pixels whose hues are counted
 _MAX_CENTERS = 60  # of these, tried as the middle of a hue
 _MAX_GROWTH = 1.5  # a mask's pixels over those of its strips: it grows into a background of its colour
+_MAX_GROUP_GROWTH = 2.5  # the same of one group among several
 _MAX_ON_THINGS = 0.4  # share of a piece on things that are higher than ropes
 
 
@@ -184,6 +186,8 @@ def search_mask(
     if known is None:
         choice = _choose_low(pieces, lab, table, ropes, diagonal)
         found = _make_mask(list(enumerate(choice.groups, 1)), shape, "", table, [choice], lab)
+        if found:
+            found = replace(found, labels=split_labels(lab, found.labels, found.radius_px))
         return found, choice.pieces
     colors = _core.convert_to_lab(np.ascontiguousarray(known[None]))[:, 0].T.astype(np.float64)
     # what was found without the colours is as good where it has them
@@ -225,30 +229,39 @@ def _choose_low(
     shape = (lab.shape[1], lab.shape[2])
     choice = choose_ropes(pieces, shape, table, ropes)
     radius = None if table is None or not choice.groups else table.measure_radius(choice.pieces)
+    things = None
+    if table is not None and radius is not None:
+        things = table.find_things(radius, _find_half_width(choice.pieces))
+    if things is not None:
+        high = {id(piece) for piece in pieces if piece.overlap(things) > _MAX_ON_THINGS}
+        if high:
+            choice = choose_ropes([piece for piece in pieces if id(piece) not in high], shape, table, ropes)
+            choice.left_out += [("high", piece) for piece in pieces if id(piece) in high]
+        choice.things = things
+    why = "" if ropes is not None else _explain_pattern(choice, lab, diagonal)
+    return replace(choice, groups=[], why=why) if why else choice
+
+
+def _explain_pattern(choice: Choice, lab: NDArray[np.float32], diagonal: float) -> str:
+    """Return why chosen pieces in a (3, H, W) image are those of a pattern; nothing if they are not."""
     colors = _count_colors(lab, choice.pieces)
-    if colors > _MAX_HUES and ropes is None:
-        why = (
-            f"the background is patterned: strips have {colors} colours; give a mask, rope_color or the "
-            "number of ropes"
-        )
-        return replace(choice, groups=[], why=why)
-    if ropes is None and choice.length > _MAX_LENGTH * diagonal:
-        why = (
-            "the background is patterned: strips run all over it; give a mask, rope_color or the number of "
-            "ropes"
-        )
-        return replace(choice, groups=[], why=why)
-    if table is None or radius is None:
-        return choice
-    things = table.find_things(radius, _find_half_width(choice.pieces))
-    if things is None:
-        return choice
-    high = {id(piece) for piece in pieces if piece.overlap(things) > _MAX_ON_THINGS}
-    if high:
-        choice = choose_ropes([piece for piece in pieces if id(piece) not in high], shape, table, ropes)
-        choice.left_out += [("high", piece) for piece in pieces if id(piece) in high]
-    choice.things = things
-    return choice
+    if colors > _MAX_HUES:
+        found = f"strips have {colors} colours"
+    elif _measure_length(choice.pieces, (lab.shape[1], lab.shape[2])) > _MAX_LENGTH * diagonal:
+        found = "strips run all over it"
+    else:
+        return ""
+    return f"the background is patterned: {found}; give a mask, rope_color or the number of ropes"
+
+
+def _measure_length(pieces: list[Piece], shape: tuple[int, int]) -> float:
+    """Return the length of pieces, pixels, of which some show the same strip at another width."""
+    taken: Mask = np.zeros(shape, dtype=bool)
+    length = 0.0
+    for piece in pieces:
+        length += piece.length * (1.0 - piece.overlap(taken))
+        piece.add_to(taken)
+    return length
 
 
 def _convert_known(rope_color: ArrayLike, color: ArrayLike, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -286,16 +299,12 @@ def _make_mask(
     labels = np.zeros(shape, dtype=np.int32)
     pieces = [piece for _, group in groups for piece in group]
     if pieces and lab is not None:
-        labels = refine_labels(lab, groups, _find_half_width(pieces))
-        rough = np.zeros(shape, dtype=bool)
-        for piece in pieces:
-            piece.add_to(rough)
-        if np.count_nonzero(labels) > _MAX_GROWTH * np.count_nonzero(rough):
-            labels, pieces = np.zeros_like(labels), []
+        things = [choice.things for choice in choices if choice.things is not None]
+        high = np.any(things, axis=0) if things else None
+        labels, groups = _refine_groups(lab, groups, high)
+        pieces = [piece for _, group in groups for piece in group]
+        if not pieces:
             why = "the background has the ropes' colours in places; give a mask"
-        for choice in choices:
-            if choice.things is not None:
-                labels[choice.things] = 0
     if not pieces:
         why = why or "; ".join(dict.fromkeys(choice.why for choice in choices if choice.why))
         radius_px = float("nan")
@@ -311,6 +320,32 @@ def _make_mask(
         None if table is None or not pieces else table.measure_radius(pieces),
         None if table is None else table.scatter,
     )
+
+
+def _refine_groups(
+    lab: NDArray[np.float32], groups: list[tuple[int, list[Piece]]], things: Mask | None
+) -> tuple[NDArray[np.int32], list[tuple[int, list[Piece]]]]:
+    """Return labels of groups, and the groups that do not grow into a background of their colour."""
+    shape = (lab.shape[1], lab.shape[2])
+    while groups:
+        pieces = [piece for _, group in groups for piece in group]
+        labels = refine_labels(lab, groups, _find_half_width(pieces), things)
+        growth = [float(np.sum(labels == label) / np.sum(_draw(group, shape))) for label, group in groups]
+        worst = int(np.argmax(growth))
+        whole = np.count_nonzero(labels) / np.count_nonzero(_draw(pieces, shape))
+        if whole <= _MAX_GROWTH and (worst == 0 or growth[worst] <= _MAX_GROUP_GROWTH):
+            return labels, groups
+        if worst == 0:
+            break  # the best group itself does
+        groups = [*groups[:worst], *groups[worst + 1 :]]
+    return np.zeros(shape, dtype=np.int32), []
+
+
+def _draw(pieces: list[Piece], shape: tuple[int, int]) -> Mask:
+    mask: Mask = np.zeros(shape, dtype=bool)
+    for piece in pieces:
+        piece.add_to(mask)
+    return mask
 
 
 def _find_half_width(pieces: list[Piece]) -> float:

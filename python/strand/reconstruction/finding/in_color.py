@@ -13,8 +13,8 @@ import strand._core as _core
 from strand.geometry.plane import Plane
 from strand.reconstruction.color_masks.color_pieces import Piece
 from strand.reconstruction.color_masks.near_table import NearTable, find_near_table
-from strand.reconstruction.color_masks.refinement import measure_from_line
 from strand.reconstruction.color_masks.rope_mask import search_mask
+from strand.reconstruction.color_masks.shades import measure_from_line
 from strand.reconstruction.finding.earlier import Window, find_window, touches_side
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
