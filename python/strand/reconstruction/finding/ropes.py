@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -12,7 +11,7 @@ import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.geometry.plane import Plane
 from strand.reconstruction.finding.in_color import RESOLVED, ShownInColor, find_in_color, match_labels
-from strand.reconstruction.finding.standing import Tabletop, find_tabletop
+from strand.reconstruction.finding.standing import find_tabletop
 from strand.reconstruction.finding.strips import OtherObject, segment_ropes
 from strand.reconstruction.finding.widths import estimate_strip_radius, measure_strip_lengths
 from strand.reconstruction.images.above_table import segment_above_table
@@ -31,9 +30,6 @@ _SHORT = 25.0  # radii: length of a clear strip
 _MIN_SHARE = 0.3  # of the length of all pieces: a long one has more
 _SPECKS = "depth shows many short pieces on the table and no long one, as noise and patterns do"
 _MIN_MISSED = 20.0  # radii: colour misses a rope if a longer strip stands on the table without it
-_OTHER_WIDTHS = (0.6, 0.75, 0.9, 1.2, 1.5, 1.9, 2.4)  # of the strips' half width: tried where no rope has it
-_SAME_WIDTH = 0.22  # logarithm of half widths: strips of one width differ by less
-_MIN_LONG = 0.4  # of the length of all strips of such a width: the longest has more
 _MIN_LENGTH = 14.0  # radii: some view shows a strip of a rope that is longer
 
 
@@ -242,65 +238,14 @@ def segment_views(extract: Extract, radii: Array | None) -> tuple[FoundRopes, di
         for k, image in enumerate(extract.whole_images)
         if image is not None and (top := find_tabletop(image, extract.bounds)) is not None
     }
+    found = list(extract.whole)
+    tables: list[Plane | None] = [None] * len(found)
     if not tops:
-        return FoundRopes(extract.whole, None, (None,) * len(extract.whole), ()), {}
+        return FoundRopes(extract.whole, None, tuple(tables), ()), {}
     width = estimate_strip_radius(
         [replace(top.image, labels=top.image.mask & top.inside) for top in tops.values()]
     )
-    if radii is not None:
-        return _segment_at(extract, tops, width, float(radii.min()), float(radii.max()))
-    try:
-        made = _segment_at(extract, tops, width, width, width)
-    except NoRopeError as error:
-        # noise may have hidden how wide the strips are
-        others = [_segment_consistently(extract, tops, factor * width) for factor in _OTHER_WIDTHS]
-        found = [other for other in others if other is not None]
-        if not found:
-            raise error
-        return max(found, key=lambda other: other[1])[0]
-    images = _get_masks(*made)
-    own = estimate_strip_radius(images) if images else width
-    if abs(math.log(own / width)) <= _SAME_WIDTH:
-        return made
-    again = _segment_consistently(extract, tops, own)
-    return made if again is None else again[0]
-
-
-def _segment_consistently(
-    extract: Extract, tops: dict[int, Tabletop], width: float
-) -> tuple[tuple[FoundRopes, dict[int, DepthImage]], float] | None:
-    """Segment ropes of a half width, metres, if the strips that are found have it; also return their length.
-
-    The length is in half widths. None if they have another width, or if most of what is found is no strip.
-    """
-    try:
-        made = _segment_at(extract, tops, width, width, width)
-    except NoRopeError:
-        return None
-    images = _get_masks(*made)
-    if not images or _shows_specks(made[0]):
-        return None
-    own = estimate_strip_radius(images)
-    if abs(math.log(own / width)) > _SAME_WIDTH:
-        return None
-    lengths = np.concatenate([measure_strip_lengths(image) for image in images])
-    if lengths.max() < _MIN_LONG * lengths.sum():
-        return None
-    return made, float(lengths.max()) / own
-
-
-def _get_masks(found: FoundRopes, pictures: dict[int, DepthImage]) -> list[DepthImage]:
-    """Return the images with masks of views that have one, and those made of points."""
-    own = [view.image for view in found.views if view.image is not None and view.mask is not None]
-    return [*own, *pictures.values()]
-
-
-def _segment_at(
-    extract: Extract, tops: dict[int, Tabletop], width: float, thin: float, thick: float
-) -> tuple[FoundRopes, dict[int, DepthImage]]:
-    """Segment ropes from tables by the half width of most strips and the least and largest radius, metres."""
-    found = list(extract.whole)
-    tables: list[Plane | None] = [None] * len(found)
+    thin, thick = (width, width) if radii is None else (float(radii.min()), float(radii.max()))
     others: list[OtherObject] = []
     shown = []
     for k, top in tops.items():
