@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,6 @@ from strand.views.depth_image import DepthImage
 
 MIN_WIDER = 1.25  # pixels on each side: masks that are wider than ropes by less are as wide
 _MIN_WIDER_SHARE = 1.25  # times as wide as ropes: the same
-_MIN_WIDE = 0.85  # times as wide as the mask: what stands out is as wide
 MAX_SHARE = 5.0  # of the radius: masks that are wider show something else
 _MARGIN = 2  # pixels around the mask that heights are measured in
 _AROUND = 2.0  # radii farther
@@ -30,21 +28,6 @@ _OUTLINE_WEIGHT = 0.9  # cost of a pixel's length of outline
 _SPECK = 3.0  # squared radii: smaller pieces are specks
 _REACH = 1.5  # pixels farther: edges of both are ragged
 _MIN_SHARE = 0.6  # of the ropes' radius: narrower strips that stand out are parts of ropes
-
-
-class Slimmed(NamedTuple):
-    """A mask that is wider than its ropes, after a look at depth.
-
-    Attributes
-    ----------
-    image : DepthImage
-        With what stands out alone, if that shows all of the ropes.
-    is_wide : bool
-        Whether what stands out is as wide as the mask: strands lie side by side.
-    """
-
-    image: DepthImage
-    is_wide: bool
 
 
 def measure_excess(taken: Sequence[DepthImage], shown: Sequence[float] | Array, radius: float) -> float:
@@ -61,22 +44,22 @@ def measure_excess(taken: Sequence[DepthImage], shown: Sequence[float] | Array, 
 
 def slim_fat_masks(
     images: Sequence[DepthImage], table: Plane | None, bounds: Box | None, radius: float
-) -> list[Slimmed]:
+) -> list[DepthImage]:
     """Cut masks that are wider than ropes of a radius, metres, to what stands out of their table.
 
     A mask stays as it is if depth does not show all of its ropes, or it is as wide as they are.
     """
     if table is None:
-        return [Slimmed(image, False) for image in images]
+        return list(images)
     return [_slim_mask(image, table, bounds, radius) for image in images]
 
 
-def _slim_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: float) -> Slimmed:
+def _slim_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: float) -> DepthImage:
     mask = image.mask
     pixels = radius * image.camera.focal[0] / image.distance
     shown = _core.estimate_mask_radius(mask)
     if shown is None:
-        return Slimmed(image, False)
+        return image
     window = image.frame_mask(_MARGIN + int(_AROUND * pixels))
     part = image.cropped(window)
     if measure_height_noise(part, table, bounds, radius) < MAX_FINE * radius:
@@ -84,18 +67,16 @@ def _slim_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
     own = part.mask & segment_above_table(part, table, bounds, radius)
     slim = _core.estimate_mask_radius(own) if own.any() else None
     if slim is None or slim < _MIN_SHARE * pixels:
-        return Slimmed(image, False)
+        return image
     speck = _SPECK * pixels**2
     whole = _count_pieces(own, speck) <= _count_pieces(part.mask, speck)
     if not whole or measure_cover(part.mask, own, max(shown - slim, 0.0) + _REACH) < _MIN_COVERED:
-        return Slimmed(image, False)
-    if slim > _MIN_WIDE * shown:
-        return Slimmed(image, True)
+        return image
     if shown < max(slim + MIN_WIDER, _MIN_WIDER_SHARE * slim) or shown > MAX_SHARE * pixels:
-        return Slimmed(image, False)
+        return image
     found = np.zeros_like(mask)
     found[window] = own
-    return Slimmed(replace(image, labels=found), False)
+    return replace(image, labels=found)
 
 
 def _cut_fine_mask(
@@ -105,7 +86,7 @@ def _cut_fine_mask(
     bounds: Box | None,
     radius: float,
     shown: float,
-) -> Slimmed:
+) -> DepthImage:
     """Cut a mask to what stands out of its table in depth that shows the gaps between strands."""
     part = image.cropped(window)
     mask = part.mask
@@ -116,19 +97,19 @@ def _cut_fine_mask(
     own = mask & outlined.mask
     slim = _core.estimate_mask_radius(own) if own.any() else None
     if outlined is part or slim is None or slim < _MIN_SHARE * pixels or shown > MAX_SHARE * pixels:
-        return Slimmed(image, False)  # nothing stands out, or parts of ropes
+        return image  # nothing stands out, or parts of ropes
     excess = max(shown - slim, 0.0)
     reach = excess + _REACH
     bare = mask & (_core.measure_edge_distances(~own, int(reach) + 2) > reach)
     if np.count_nonzero(bare) > (1.0 - _MIN_FINE_COVERED) * np.count_nonzero(mask):
-        return Slimmed(image, False)
+        return image
     if bare.any():
         # depth does not show this part of the ropes
         near = _core.measure_edge_distances(~bare, int(reach) + 2) <= reach
         own |= near & (_core.measure_edge_distances(mask, int(excess) + 2) > excess)
     found = np.zeros_like(image.mask)
     found[window] = own
-    return Slimmed(replace(image, labels=found), slim > _MIN_WIDE * shown)
+    return replace(image, labels=found)
 
 
 def _count_pieces(mask: NDArray[np.bool_], least: float) -> int:

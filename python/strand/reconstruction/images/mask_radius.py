@@ -41,8 +41,8 @@ def estimate_mask_radius(image: DepthImage) -> tuple[Array, Array]:
         by_height = 0.5 * _measure_height(image, np.vstack(chains), table) / _SEEN_HEIGHT
         least = max(by_height, _MIN_SHARE * radius)
         (slim,) = slim_fat_masks([image], table, None, _SEEN_HEIGHT * least)
-        if slim.image is not image:
-            radius, _ = _estimate_by_area(slim.image)
+        if slim is not image:
+            radius, _ = _estimate_by_area(slim)
         radius = 0.5 * (radius + min(max(by_height, _MIN_SHARE * radius), _MAX_SHARE * radius))
     return np.array([radius]), np.array([_SD * radius])
 

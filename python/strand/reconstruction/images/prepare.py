@@ -12,7 +12,6 @@ from strand.reconstruction.images.finer_grid import magnify_thin_ropes
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
 
-_FAT = 0.6  # pixels on each side: masks that are wider than their ropes by more are slimmed
 _CORRECTED = 0.5  # pixels: the kernels read masks that are wider than their radius by less
 
 
@@ -81,15 +80,15 @@ def prepare_views(
     taken, factor = magnify_thin_ropes(given, radius)
     images = prepare_images(taken, radius)
     wider = measure_excess(taken, images.shown, radius) / factor
-    if masked and (wider > _FAT or (images.shown > images.radii + _CORRECTED).any()):
+    if masked and (wider > MIN_WIDER or (images.shown > images.radii + _CORRECTED).any()):
         slimmed = slim_fat_masks(given, table, bounds, radius)
-        if any(one.image is not image for one, image in zip(slimmed, given, strict=True)):
-            given = [one.image for one in slimmed]
+        if any(one is not image for one, image in zip(slimmed, given, strict=True)):
+            given = slimmed
             taken, factor = magnify_thin_ropes(given, radius)
             images = prepare_images(taken, radius)
         own: list[float | None] = [
             float(shown) if read + _CORRECTED < shown < MAX_SHARE * read else None
-            for one, shown, read in zip(slimmed, images.shown, images.radii, strict=True)
+            for shown, read in zip(images.shown, images.radii, strict=True)
         ]
         if any(own):
             images = prepare_images(taken, radius, own)

@@ -34,19 +34,17 @@ def draw_band(axes, width_px, stands_out=True):
 def test_a_mask_is_slimmed_to_what_stands_out():
     image = draw_band([60], 14)
     (found,) = slim_fat_masks([image], TABLE, None, RADIUS)
-    rows = np.count_nonzero(found.image.mask.any(axis=1))
-    assert not found.is_wide
+    rows = np.count_nonzero(found.mask.any(axis=1))
     assert 14 <= rows <= 19
 
 
 def test_a_mask_stays_where_depth_shows_no_rope_and_keeps_two_beside_each_other():
     flat = draw_band([60], 14, stands_out=False)
     (found,) = slim_fat_masks([flat], TABLE, None, RADIUS)
-    assert found.image is flat
-    assert not found.is_wide
+    assert found is flat
     pair = draw_band([52, 68], 16)
     (found,) = slim_fat_masks([pair], TABLE, None, RADIUS)
-    assert found.image.mask[[52, 68], 30:170].all()
+    assert found.mask[[52, 68], 30:170].all()
 
 
 def test_a_fat_mask_without_clear_depth_is_read_at_its_own_radius():
@@ -79,5 +77,5 @@ def test_masks_twice_as_wide_as_ropes_are_right_and_named(camera, measure):
 
 def test_gaps_that_a_fat_mask_fills_are_opened():
     (found,) = slim_fat_masks([draw_band([48, 72], 28)], TABLE, None, RADIUS)
-    assert not found.image.mask[58:63, 30:170].any()
-    assert found.image.mask[[48, 72], 30:170].all()
+    assert not found.mask[58:63, 30:170].any()
+    assert found.mask[[48, 72], 30:170].all()
