@@ -19,6 +19,9 @@ const COLUMNS: usize = 21; // numbers that describe a piece
 /// A band: the factor that its image is smaller by, its half width, the pieces' numbers (h, w), their descriptions.
 type BandOfPieces<'py> = (usize, f64, Bound<'py, PyArray2<i32>>, Bound<'py, PyArray2<f64>>);
 
+/// The labels (H, W) of ropes, and the pixels' differences from the background (H, W).
+type DrawnRopes<'py> = (Bound<'py, PyArray2<i32>>, Bound<'py, PyArray2<f32>>);
+
 /// Return (3, H, W) Lab of an (H, W, 3) image of bytes in sRGB.
 #[pyfunction]
 pub(super) fn convert_to_lab<'py>(
@@ -85,7 +88,7 @@ pub(super) fn draw_ropes<'py>(
     away: &Bound<'py, PyAny>,
     ropes: Vec<(i32, [f32; 3])>,
     half_width: f32,
-) -> PyResult<(Bound<'py, PyArray2<i32>>, Bound<'py, PyArray2<f32>>)> {
+) -> PyResult<DrawnRopes<'py>> {
     let lab = take_planes("lab", lab)?;
     let rough = Array::mask("rough", rough)?;
     let away = Array::<f32>::exactly("away", away, 2)?;
