@@ -142,18 +142,7 @@ class Piece:
 
 def find_pieces(lab: NDArray[np.float32], near: Mask | None) -> list[Piece]:
     """Find pieces of strips in a (3, H, W) image in Lab, at pixels that may show ropes."""
-    return _collect(
-        _core.find_color_pieces(
-            lab,
-            None,
-            None if near is None else np.ascontiguousarray(near),
-            max_width=_MAX_WIDTH * min(lab.shape[1:]),
-            min_contrast=_MIN_CONTRAST,
-            noise=_NOISE,
-            aside=_ASIDE,
-            signed=False,
-        )
-    )
+    return _search(lab, None, near, _MIN_CONTRAST, _NOISE, _ASIDE, signed=False)
 
 
 def find_known_pieces(
@@ -162,18 +151,30 @@ def find_known_pieces(
     """Find pieces of strips that are brighter than both sides in an (H, W) image, with their colours."""
     planes = np.zeros_like(lab)
     planes[0] = likelihood
-    return _collect(
-        _core.find_color_pieces(
-            planes,
-            lab,
-            None if near is None else np.ascontiguousarray(near),
-            max_width=_MAX_WIDTH * min(lab.shape[1:]),
-            min_contrast=_MIN_KNOWN_CONTRAST,
-            noise=_KNOWN_NOISE,
-            aside=0.0,
-            signed=True,
-        )
+    return _search(planes, lab, near, _MIN_KNOWN_CONTRAST, _KNOWN_NOISE, 0.0, signed=True)
+
+
+def _search(
+    planes: NDArray[np.float32],
+    lab: NDArray[np.float32] | None,
+    near: Mask | None,
+    min_contrast: float,
+    noise: float,
+    aside: float,
+    signed: bool,
+) -> list[Piece]:
+    """Find pieces of strips in (3, H, W) planes, with the colours of another image if one is given."""
+    bands = _core.find_color_pieces(
+        planes,
+        lab,
+        None if near is None else np.ascontiguousarray(near),
+        max_width=_MAX_WIDTH * min(planes.shape[1:]),
+        min_contrast=min_contrast,
+        noise=noise,
+        aside=aside,
+        signed=signed,
     )
+    return _collect(bands)
 
 
 def _collect(bands: Sequence[tuple[int, float, NDArray[np.int32], Array]]) -> list[Piece]:

@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 import strand._core as _core
 from strand.geometry.plane import Plane
 from strand.reconstruction.images.above_table import segment_above_table
-from strand.reconstruction.images.outlines import MAX_FINE, STEPS_BY_MASK, measure_height_noise, outline_ropes
+from strand.reconstruction.images.outlines import (
+    MAX_FINE,
+    ROUNDNESS,
+    STEPS_BY_MASK,
+    WEIGHT_BY_MASK,
+    measure_height_noise,
+    outline_ropes,
+)
 from strand.support.checks import Array
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
@@ -22,9 +29,7 @@ MAX_SHARE = 5.0  # of the radius: masks that are wider show something else
 _MARGIN = 2  # pixels around the mask that heights are measured in
 _AROUND = 2.0  # radii farther
 _MIN_COVERED = 0.98  # of a mask lies as near to what stands out of the table as the mask is too wide
-_FINE_NOISE = 0.35  # radii: noise of heights about tubes that are not quite round
 _MIN_FINE_COVERED = 0.9  # of a mask lies as near to what stands out of the table, where depth is fine
-_OUTLINE_WEIGHT = 0.9  # cost of a pixel's length of outline
 _SPECK = 3.0  # squared radii: smaller pieces are specks
 _REACH = 1.5  # pixels farther: edges of both are ragged
 _MIN_SHARE = 0.6  # of the ropes' radius: narrower strips that stand out are parts of ropes
@@ -92,7 +97,7 @@ def _cut_fine_mask(
     mask = part.mask
     pixels = radius * image.camera.focal[0] / image.distance
     (outlined,) = outline_ropes(
-        part, table, bounds, radius, _FINE_NOISE * radius, [_OUTLINE_WEIGHT], steps=STEPS_BY_MASK
+        part, table, bounds, radius, ROUNDNESS * radius, [WEIGHT_BY_MASK], steps=STEPS_BY_MASK
     )
     own = mask & outlined.mask
     slim = _core.estimate_mask_radius(own) if own.any() else None

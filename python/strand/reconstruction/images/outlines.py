@@ -23,6 +23,8 @@ _BESIDE = 2.0  # radii: heights beside a mask that are farther from the table's 
 MAX_FINE = 0.35  # radii: noise of heights that show gaps between strands at most
 _STEPS = 80  # steps of the search for an outline
 STEPS_BY_MASK = 40  # the same where a given mask says about where ropes are
+WEIGHT_BY_MASK = 0.9  # cost of a pixel's length of outline, where a mask is given
+ROUNDNESS = 0.35  # radii: noise of heights about tubes that are not quite round
 _MARGIN_RADII = 3.0  # radii around the first mask in which ropes are sought
 _MARGIN_PIXELS = 4  # pixels farther
 

@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 import strand._core as _core
 from strand.geometry.plane import Plane
 from strand.reconstruction.images.fat_masks import measure_cover
-from strand.reconstruction.images.outlines import STEPS_BY_MASK, measure_height_noise, outline_ropes
+from strand.reconstruction.images.outlines import (
+    ROUNDNESS,
+    STEPS_BY_MASK,
+    WEIGHT_BY_MASK,
+    measure_height_noise,
+    outline_ropes,
+)
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
 
@@ -19,9 +25,7 @@ _MIN_RAGGED = 0.075  # of an outline's steps: pixels that differ from most of th
 _MIN_PIXELS = 2.2  # pixels: masks of thinner ropes are not ragged but coarse
 _MAX_NOISE = 0.25  # radii: noise of heights at most, as wider windows of matchers blur the rope too
 _PRIOR = 1.0  # evidence of a ragged mask for a rope in it, and against one beside it
-_ROUNDNESS = 0.35  # radii: noise of heights about tubes that are not quite round
 _CORRELATED = 2.0  # times the noise of heights: errors of neighbouring pixels are correlated
-_OUTLINE_WEIGHT = 0.9  # cost of a pixel's length of outline
 _AROUND_RADII = 2.0  # radii around a mask in which it may have lost parts of ropes
 _AROUND_PIXELS = 2.0  # pixels farther
 _REACH = 2.5  # pixels: bits of a mask that are farther from its outline are other things
@@ -51,8 +55,8 @@ def _mend_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
     noise = measure_height_noise(part, table, bounds, radius)
     if noise > _MAX_NOISE * radius:
         return image
-    noise = float(np.hypot(_ROUNDNESS * radius, _CORRELATED * noise))
-    (outlined,) = outline_ropes(part, table, bounds, radius, noise, [_OUTLINE_WEIGHT], _PRIOR, STEPS_BY_MASK)
+    noise = float(np.hypot(ROUNDNESS * radius, _CORRELATED * noise))
+    (outlined,) = outline_ropes(part, table, bounds, radius, noise, [WEIGHT_BY_MASK], _PRIOR, STEPS_BY_MASK)
     own = outlined.mask & (_core.measure_edge_distances(~part.mask, int(around) + 2) <= around)
     if part.occluders is not None:
         own &= ~part.occluders
