@@ -16,7 +16,7 @@ from strand.reconstruction.courses import have_same_courses
 from strand.reconstruction.evidence.confidence import MIN_DOUBT, compute_confidence
 from strand.reconstruction.evidence.depth_errors import MIN_CORRELATION
 from strand.reconstruction.images.above_table import add_masks, drop_unclear_views
-from strand.reconstruction.images.comparison import Reading, fit_and_rank
+from strand.reconstruction.images.comparison import Reading, fit_and_rank, fit_into_images
 from strand.reconstruction.images.depth_scatter import SMALL_SCATTER, measure_depth_scatter
 from strand.reconstruction.images.mask_widths import doubt_given_radius
 from strand.reconstruction.images.method import Interpretation, make_answer, read_images
@@ -368,6 +368,8 @@ def _take_better(
     chains = tubes.found.chains
     ropes = [chain.points for chain in chains[: observed.prior.ropes]]
     places = [reading.taken[reading.held].project(points) for points in ropes]
+    if not fit_into_images(places):
+        return make_answer(reading, observed, config, run)
     rival = Reading(reading.images.price_reading(reading.held, places), reading.held, places)
     explanations = fit_and_rank(
         reading.images,

@@ -11,6 +11,7 @@ from strand.reconstruction.default import find_chains as find_by_default
 from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.masks import refuse_empty
 from strand.reconstruction.mistakes.diagnosis import explain_errors
+from strand.reconstruction.mistakes.units import refuse_poses_in_other_units
 from strand.reconstruction.observing import Hints, observe
 from strand.reconstruction.published.method import find_chains as find_published
 from strand.reconstruction.radius import Radii
@@ -96,7 +97,8 @@ def reconstruct(
         If an argument is of the wrong kind.
     ValueError
         If a number is out of range, there are no views, the number of lengths is not that of ropes, or the
-        published method is given no radius.
+        published method is given no radius. Also if poses look like millimetres: without bounds, cameras
+        stand over 50 m and a hundred depths from the origin, and no two that moved see the same place.
     strand.NotEnoughDataError
         If no view has points in the extraction range, or they make no chain.
     strand.NoRopeError
@@ -118,6 +120,7 @@ def reconstruct(
     extract = extract_views(views, hints.bounds)
     with explain_errors(extract, hints.radii):
         refuse_empty(extract, run)
+        refuse_poses_in_other_units(extract)
         scene = observe(extract, hints, run)
         found = _METHODS[hints.config.method](scene.observed, hints.config, run)
     return build_model(scene, found, hints, run, keep_stages)

@@ -39,6 +39,7 @@ _MAX_READINGS = 6  # readings of each view
 _MAX_MORE = 12.0  # cost above the best reading's: those that cost more are not fitted
 _MIN_READINGS = 2  # readings that are fitted whatever they cost
 _MAX_LONGER = 4.0  # times the longest reading's length: ropes found otherwise that are longer are noise
+_MAX_LENGTH = 5e4  # pixels: longer ropes, and those that are farther away, are in no image
 _STEPS = 8  # steps of a fit
 
 
@@ -117,6 +118,11 @@ def are_worth_a_fit(chains: Sequence[Array], readings: Sequence[Reading]) -> boo
     """
     read = max((_sum_lengths(reading.chains) for reading in readings), default=np.inf)
     return bool(chains) and _sum_lengths(chains) < _MAX_LONGER * read
+
+
+def fit_into_images(chains: Sequence[Array]) -> bool:
+    """Tell whether ropes, columns and rows of nodes, run where images are, not beside or behind a camera."""
+    return _sum_lengths(chains) < _MAX_LENGTH and all(np.abs(nodes).max() < _MAX_LENGTH for nodes in chains)
 
 
 def _sum_lengths(chains: Sequence[Array]) -> float:

@@ -20,6 +20,7 @@ from strand.reconstruction.mistakes.field_of_view import (
 )
 from strand.reconstruction.mistakes.flatness import doubt_bent_tables
 from strand.reconstruction.mistakes.undo import IN_MILLIMETERS, MISTAKES
+from strand.reconstruction.mistakes.units import doubt_gray_levels
 from strand.reconstruction.radius import Radii, find_thinnest, guess_radius
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
@@ -55,10 +56,12 @@ def find_mistakes(extract: Extract, radius: float, views: Sequence[View] | None 
         The likeliest mistake first.
     """
     whole = extract.whole
-    far = doubt_far_depths(whole if extract.empty else extract.inside, radius)
+    focal = max((max(view.image.camera.focal) for view in whole if view.image is not None), default=None)
+    far = doubt_far_depths(whole if extract.empty else extract.inside, radius, focal)
+    gray = doubt_gray_levels(whole)
     around = doubt_points_all_around(whole) or doubt_shared_viewpoint(whole)
     off_center = doubt_principal_point(whole)
-    found = [doubt for doubt in (far, doubt_bent_tables(whole), around) if doubt is not None]
+    found = [doubt for doubt in (gray, far, doubt_bent_tables(whole), around) if doubt is not None]
     views = whole if views is None else views
     agreement = compare_views(views, extract.inside, extract.bounds, radius)
     if not found and agreement.known and not agreement.agrees:

@@ -13,6 +13,8 @@ from strand.views.view import View
 
 _DEPTH_STEP = 97  # depths from one checked depth to the next
 _MAX_DISTANCE = 10_000.0  # radii: farther ropes are a fraction of a pixel wide in any camera
+_MAX_FOCAL_LENGTHS = 4.0  # focal lengths in pixels times radii: farther ropes are half a pixel wide
+_MAX_METERS = 20.0  # metres that depth cameras see: nearer depths may be those of walls behind the ropes
 _TOO_FAR_DOUBT = 5.0  # doubt of depths beyond `_MAX_DISTANCE`
 
 _SAMPLE = 1000  # points of a view whose directions are looked at
@@ -33,8 +35,11 @@ _MIN_OFFSET = 0.15  # share of an image: this far from its middle, a principal p
 _OFF_CENTER_DOUBT = 1.2  # doubt: images that were cropped look the same
 
 
-def doubt_far_depths(views: Sequence[View], radius: float) -> Doubt | None:
-    """Doubt depths at which no camera would see a rope of a radius, metres: they may be millimetres."""
+def doubt_far_depths(views: Sequence[View], radius: float, focal: float | None = None) -> Doubt | None:
+    """Doubt depths at which no camera would see a rope of a radius, metres: they may be millimetres.
+
+    The longest focal length of the cameras, pixels, makes the limit closer, if it is known.
+    """
     # points of the world frame have no depth, only a distance
     depths = [
         np.linalg.norm(view.points[::_DEPTH_STEP], axis=1)
@@ -44,7 +49,10 @@ def doubt_far_depths(views: Sequence[View], radius: float) -> Doubt | None:
     ]
     some = np.concatenate(depths)
     some = some[some > 0]
-    if not len(some) or not np.median(some) > _MAX_DISTANCE * radius:
+    farthest = _MAX_DISTANCE * radius
+    if focal is not None:
+        farthest = min(farthest, max(_MAX_FOCAL_LENGTHS * focal * radius, _MAX_METERS))
+    if not len(some) or not np.median(some) > farthest:
         return None
     cameras = [float(np.linalg.norm(view.viewpoint)) for view in views if view.image is None]
     # with points of the world frame the cameras are far away too
