@@ -34,6 +34,7 @@ from strand.views.rope_images import make_rope_images
 from strand.views.view import cropped
 
 _ONLY_COLOR = 0.2  # doubt of ropes that colour alone shows
+_LOW_STRIP = 0.5  # doubt of ropes beside a strip that may be a thinner one
 _STRIP_SD = 0.1  # radii: standard deviation of a radius measured by the width of strips
 
 _APPARENT_RADIUS = "radius: {}, so only the rope's apparent width gives it; give the radius if it is known"
@@ -147,6 +148,10 @@ def observe(extract: Extract, hints: Hints, run: Run) -> Scene:
         reason = "depth does not resolve their height, and colour alone shows them"
         doubts.append(Doubt("color", _ONLY_COLOR, "which pixels show ropes", reason))
         run.warn("color", reason, amount=_ONLY_COLOR)
+    if found is not None and found.low_strips:
+        reason = "a long strip on the table is too low for a rope of this radius: is it a thinner rope?"
+        doubts.append(Doubt("left out", _LOW_STRIP, "what is there", reason, found.low_strips[0]))
+        run.warn("left out", str(doubts[-1]), found.low_strips[0], _LOW_STRIP)
     return Scene(extract, observed, () if found is None else found.tables, doubts)
 
 

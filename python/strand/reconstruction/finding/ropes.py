@@ -11,6 +11,7 @@ import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.geometry.plane import Plane
 from strand.reconstruction.finding.in_color import RESOLVED, ShownInColor, find_in_color, match_labels
+from strand.reconstruction.finding.low_strips import find_low_strips
 from strand.reconstruction.finding.standing import find_tabletop
 from strand.reconstruction.finding.strips import OtherObject, segment_ropes
 from strand.reconstruction.finding.widths import estimate_strip_radius, measure_strip_lengths
@@ -66,6 +67,9 @@ class FoundRopes:
         The things on the table that are no rope, once for each view that shows them.
     by_color : bool
         Whether colour alone shows the ropes, because depth does not resolve their height.
+    low_strips : tuple of (3,) ndarray
+        The middles of long strips on the table that are too low for the radius, world frame, metres: they
+        may be thinner ropes. Once for each view that shows them.
     """
 
     views: tuple[View, ...]
@@ -73,6 +77,7 @@ class FoundRopes:
     tables: tuple[Plane | None, ...]
     other_objects: tuple[OtherObject, ...]
     by_color: bool = False
+    low_strips: tuple[Array, ...] = ()
 
 
 def find_ropes(
@@ -247,9 +252,11 @@ def segment_views(extract: Extract, radii: Array | None) -> tuple[FoundRopes, di
     )
     thin, thick = (width, width) if radii is None else (float(radii.min()), float(radii.max()))
     others: list[OtherObject] = []
+    low_strips: list[Array] = []
     shown = []
     for k, top in tops.items():
         standing = segment_above_table(top.image, top.plane, None, thin)
+        low_strips += find_low_strips(top, standing, thin)
         mask, things = segment_ropes(top, replace(top.image, labels=standing), thick, k)
         others += [thing for thing in things if extract.bounds is None or extract.bounds.holds(thing.place)]
         shown.append(replace(top.image, labels=mask & top.inside))
@@ -261,7 +268,8 @@ def segment_views(extract: Extract, radii: Array | None) -> tuple[FoundRopes, di
         low_things = any(_measure_area(image) > 2.0 * _MIN_LENGTH * thin**2 for image in shown)
         raise NoRopeError(f"views: {_explain_none(others, longest, own, extract.bounds)}", low_things)
     pictures = {k: image for k, image in zip(tops, shown, strict=True) if extract.whole[k].image is None}
-    return FoundRopes(tuple(found), width, tuple(tables), tuple(others)), pictures
+    ropes = FoundRopes(tuple(found), width, tuple(tables), tuple(others), low_strips=tuple(low_strips))
+    return ropes, pictures
 
 
 def _measure_area(image: DepthImage) -> float:
