@@ -15,6 +15,7 @@ from strand.config import Config
 from strand.reconstruction.courses import have_same_courses
 from strand.reconstruction.evidence.confidence import MIN_DOUBT, compute_confidence
 from strand.reconstruction.evidence.depth_errors import MIN_CORRELATION
+from strand.reconstruction.evidence.gaps import doubt_gaps
 from strand.reconstruction.images.above_table import add_masks, drop_unclear_views
 from strand.reconstruction.images.comparison import Reading, fit_and_rank, fit_into_images
 from strand.reconstruction.images.depth_scatter import SMALL_SCATTER, measure_depth_scatter
@@ -106,6 +107,7 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
         *find_mistakes(used.extract, used.radius, ropes),
         *doubt_shared_errors(used, found, config),
         *find_bias_doubts(used, found),
+        *doubt_gaps(used, found),
     ]
     by_masks = doubt_given_radius(used, found)
     for doubt in by_masks:

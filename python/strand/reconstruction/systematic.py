@@ -108,7 +108,9 @@ def _doubt_views(observed: Observed, found: Found) -> Iterator[Doubt]:
     """Doubt ropes that a view saw through, and ropes most of whose pixels have no depth."""
     worst, where, shown, lost = 0.0, -1, 0, 0
     for number, view, pose in zip(observed.numbers, observed.whole, found.poses, strict=True):
-        behind = np.concatenate([measure_depth_behind(view, pose, chain) for chain in found.chains])
+        behind = np.concatenate(
+            [measure_depth_behind(view, pose, chain.points, chain.radius) for chain in found.chains]
+        )
         # comparisons with NaN are false
         missed = int(np.count_nonzero(behind == np.inf))
         returned = int(np.count_nonzero(behind < np.inf))
@@ -117,7 +119,14 @@ def _doubt_views(observed: Observed, found: Found) -> Iterator[Doubt]:
             continue
         through = int(np.count_nonzero(behind > _MIN_BEHIND)) - missed
         if through > _MAX_THROUGH * returned:
-            through = int(np.count_nonzero(behind > _find_least_behind(view, found.chains))) - missed
+            through = (
+                int(
+                    np.count_nonzero(
+                        behind > find_least_behind(view, min(chain.radius for chain in found.chains))
+                    )
+                )
+                - missed
+            )
         if through / returned > worst:
             worst, where = through / returned, number
     reason = (
@@ -130,18 +139,17 @@ def _doubt_views(observed: Observed, found: Found) -> Iterator[Doubt]:
     yield Doubt("points", _LOST_DOUBT * max(share - _MAX_LOST, 0.0), "where the ropes end", reason)
 
 
-def _find_least_behind(view: View, chains: Sequence[Chain]) -> float:
+def find_least_behind(view: View, radius: float) -> float:
     """Return how far behind the surface of a rope depths lie at least that saw through it, radii."""
     image = view.image
     if image is None or not image.distance > 0.0:
         return _MIN_BEHIND
-    radius = min(chain.radius for chain in chains)
     clear = min(max(show_in_windows(radius * max(image.camera.focal) / image.distance), 0.0), 1.0)
     in_steps = _STEPS_BEHIND * find_depth_step(image) / radius
     return max(_HIDDEN_BEHIND + clear * (_MIN_BEHIND - _HIDDEN_BEHIND), in_steps)
 
 
-def measure_depth_behind(view: View, pose: Array, chain: Chain) -> Array:
+def measure_depth_behind(view: View, pose: Array, nodes: Array, radius: float) -> Array:
     """Return how far behind a rope's surface the depths lie that a view measured there.
 
     Parameters
@@ -150,7 +158,10 @@ def measure_depth_behind(view: View, pose: Array, chain: Chain) -> Array:
         Uncropped.
     pose : (4, 4) ndarray
         Camera to world.
-    chain : Chain
+    nodes : (M, 3) ndarray
+        Of the rope, world frame, metres.
+    radius : float
+        The rope's, metres.
 
     Returns
     -------
@@ -160,6 +171,6 @@ def measure_depth_behind(view: View, pose: Array, chain: Chain) -> Array:
     """
     image = view.image
     if image is None:
-        return np.full(len(chain.points), np.nan)
-    behind = _core.measure_behind(image.depth, image.camera, pose, chain.points, chain.radius)
-    return np.asarray(behind / chain.radius + 1.0)
+        return np.full(len(nodes), np.nan)
+    behind = _core.measure_behind(image.depth, image.camera, pose, nodes, radius)
+    return np.asarray(behind / radius + 1.0)

@@ -163,9 +163,10 @@ def test_pixels_without_a_return_are_doubted_where_they_are_most(scene):
 def test_depth_behind_a_rope_is_told_in_radii(scene):
     chain = Chain(scene.truth[0], scene.radius)
     (view, *_) = at(scene, scene.poses_true)
-    near = measure_depth_behind(view, scene.poses_true[0], chain)
+    near = measure_depth_behind(view, scene.poses_true[0], chain.points, chain.radius)
     assert abs(np.median(near)) < 0.3
-    assert np.isnan(measure_depth_behind(strand.View(view.points), scene.poses_true[0], chain)).all()
+    bare = strand.View(view.points)
+    assert np.isnan(measure_depth_behind(bare, scene.poses_true[0], chain.points, chain.radius)).all()
 
 
 @pytest.mark.parametrize("freedom", [3, 8, 24])
