@@ -71,9 +71,8 @@ def misplace_hand_eye(seed: int, size: float = 1.0) -> Situation:
     error = np.eye(4)
     error[:3, :3] = make_rotation(axis / np.linalg.norm(axis), size * HAND_EYE[1])
     error[:3, 3] = size * HAND_EYE[0] * shift / np.linalg.norm(shift)
-    return Situation(
-        made, made.truth, see(made, made.poses @ error), {"radius": radius, "bounds": made.bounds}
-    )
+    arguments = {"radius": radius, "bounds": made.bounds}
+    return Situation(made, made.truth, see(made, made.poses @ error), arguments, 0.5 * MAX_FRECHET)
 
 
 def add_thin_rope(seed: int) -> Situation:

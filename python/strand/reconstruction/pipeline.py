@@ -5,22 +5,25 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
+from strand._core import NotEnoughDataError
 from strand.config import Config
 from strand.reconstruction.answering import build_model
 from strand.reconstruction.default import find_chains as find_by_default
+from strand.reconstruction.evidence.confidence import compute_confidence
 from strand.reconstruction.evidence.prior import Prior
+from strand.reconstruction.hand_eye import find_hand_eye_error
 from strand.reconstruction.masks import refuse_empty
 from strand.reconstruction.mistakes.diagnosis import explain_errors
 from strand.reconstruction.mistakes.units import refuse_poses_in_other_units
-from strand.reconstruction.observing import Hints, observe
+from strand.reconstruction.observing import Hints, Scene, observe
 from strand.reconstruction.published.method import find_chains as find_published
 from strand.reconstruction.radius import Radii
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.ropes.model import Model
 from strand.support.checks import check_bool, check_positive
 from strand.views.box import Bounds, make_box
-from strand.views.extract import extract_views
-from strand.views.view import View
+from strand.views.extract import Extract, extract_views
+from strand.views.view import View, placed
 
 _METHODS: dict[str, Callable[[Observed, Config, Run], Found]] = {
     "default": find_by_default,
@@ -121,9 +124,31 @@ def reconstruct(
     with explain_errors(extract, hints.radii):
         refuse_empty(extract, run)
         refuse_poses_in_other_units(extract)
-        scene = observe(extract, hints, run)
-        found = _METHODS[hints.config.method](scene.observed, hints.config, run)
+        attempt = run.fork()
+        scene, found = _find(extract, hints, attempt)
+    error = find_hand_eye_error(scene.observed, found, hints.config.poses)
+    if error is not None and not run.skips("the correction of a hand-eye error"):
+        again = run.fork()
+        views = [placed(view, view.pose @ error.motion) for view in extract.whole]
+        try:
+            corrected = _find(extract_views(views, hints.bounds), hints, again)
+        except NotEnoughDataError:
+            corrected = None
+        if corrected is not None and _is_surer(corrected[1], found):
+            (scene, found), attempt = corrected, again
+            run.warn("pose", error.reason)
+    run.warnings.extend(attempt.warnings)
     return build_model(scene, found, hints, run, keep_stages)
+
+
+def _find(extract: Extract, hints: Hints, run: Run) -> tuple[Scene, Found]:
+    """Observe views, and find chains in them."""
+    scene = observe(extract, hints, run)
+    return scene, _METHODS[hints.config.method](scene.observed, hints.config, run)
+
+
+def _is_surer(some: Found, other: Found) -> bool:
+    return compute_confidence(some.doubts or ()) > compute_confidence(other.doubts or ())
 
 
 def _check(
