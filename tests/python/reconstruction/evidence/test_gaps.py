@@ -44,6 +44,7 @@ def test_two_ropes_in_line_may_be_one_if_one_view_shows_the_gap():
     # several views do not have the same wrong depth
     assert reconstruct(ropes, views=3).confidence > 0.9
     # a known number of ropes confirms the ends
-    assert reconstruct(ropes, ropes=2).confidence > 0.9
+    known = reconstruct(ropes, ropes=2)
+    assert not any("in line with it" in doubt.reason for doubt in known.doubts)
     beside = [lay_line(-0.12, 0.0), lay_line(-0.1, 0.02) + np.array([0.0, 8.0 * R, 0.0])]
-    assert reconstruct(beside).confidence > 0.9
+    assert not any("in line with it" in doubt.reason for doubt in reconstruct(beside).doubts)
