@@ -5,7 +5,7 @@ python benches/severity.py [--scenes N] [--first SEED] [--only TEXT] [--out DIR]
 Scene k has the seed k: 0 to 3 crossings, one or two ropes, a radius of 2.5 to 7 mm, 3, 5 or 7 views of 320 x
 240 pixels, independent noise of 0.05 to 0.2 radii. Each kind of benches/lib/perturbations.py at each strength
 changes N of them. The radius is given, the number of ropes is not, unless it is the perturbation. An answer
-is right if its chains are within 1.5 radii of the ropes, in the world frame.
+is right if its chains are within 3 radii of the ropes, in the world frame.
 
 No answer after 8 s of processor time counts as none.
 
@@ -29,7 +29,7 @@ import numpy as np
 
 import strand
 from lib import pictures
-from lib.judging import SURE
+from lib.judging import MAX_NEAR, SURE
 from lib.measure import measure_chains
 from lib.perturbations import FOREIGN, KINDS, Given, Kind
 from lib.results import make_parser, run_bench
@@ -95,7 +95,7 @@ def judge_run(seed: int, name: str, strength: float) -> dict[str, Any]:
     )
     return {
         **record,
-        "right": found.right,
+        "right": found.chains == found.ropes and found.frechet <= MAX_NEAR,
         "confidence": model.confidence,
         "frechet": found.frechet,
         "rms": found.rms,

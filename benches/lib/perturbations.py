@@ -63,14 +63,24 @@ class Given:
         depth = list(scene.depth * scene.depth_scale)
         return cls(depth, list(scene.poses), scene.intrinsics, masks, scene.radius, scene, other)
 
-    def reconstruct(self) -> strand.Model:
-        """Reconstruct the scene."""
+    def make_views(self) -> list[strand.View]:
+        """Return all views."""
         masks = self.masks or [None] * len(self.depth)
-        views = [
+        return [
             strand.View.from_depth(image, self.intrinsics, pose, mask=mask)
             for image, pose, mask in zip(self.depth, self.poses, masks, strict=True)
         ]
-        return strand.reconstruct(views, self.radius, self.scene.bounds, ropes=self.ropes, length=self.length)
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """What the caller knows of the ropes, as keyword arguments of `strand.reconstruct`."""
+        known = {"ropes": self.ropes, "length": self.length}
+        given = {name: value for name, value in known.items() if value is not None}
+        return {"radius": self.radius, "bounds": self.scene.bounds, **given}
+
+    def reconstruct(self) -> strand.Model:
+        """Reconstruct the scene."""
+        return strand.reconstruct(self.make_views(), **self.arguments)
 
     def change_images(self, change: Callable[[Array], Array]) -> Given:
         """Change each depth image, but for pixels without a return."""

@@ -111,7 +111,7 @@ def _make_model_rows(
     unit: Unit, number: int, stamp: float | None, model: Model, seconds: float
 ) -> Iterator[Row]:
     """Yield a row for each chain of a model, or one row if it has none."""
-    crossings = list_crossings(model.chains, model.up, model.doubts)
+    crossings = list_crossings(model.chains, model.up, model.doubts, model.confidence)
     warnings = [
         ({k for k in warning.chains if k < len(model.chains)}, f"{warning.kind}: {warning.message}")
         for warning in model.warnings

@@ -9,7 +9,7 @@ from strand.report.remarks import list_remarks
 from strand.ropes.model import Model, describe_model
 
 _MAX_REMARKS = 10  # remarks among which doubts are printed; warnings are printed always
-_MIN_WEIGHT = 0.005  # weight of a printed doubt; a lighter one changes no digit of the confidence
+_MIN_WEIGHT = 0.005  # weight of a printed doubt; a lighter one hardly changes the confidence
 
 
 def print_json(model: Model) -> None:

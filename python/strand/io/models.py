@@ -178,4 +178,5 @@ def _parse_confidence(value: Any) -> float:
 
 def _parse_alternative(data: dict[str, Any]) -> Alternative:
     chains = tuple(np.asarray(nodes, dtype=np.float64).reshape(-1, 3) for nodes in data["chains"])
-    return Alternative(data["cost"], chains)
+    # older files have none
+    return Alternative(data["cost"], chains, _parse_confidence(data.get("probability")))

@@ -9,8 +9,15 @@ from typing import Any
 import numpy as np
 
 from strand.reconstruction.appearance import find_color, find_label
-from strand.reconstruction.evidence.confidence import assign_doubts, compute_confidence, find_contradictions
+from strand.reconstruction.evidence.confidence import assign_doubts, find_contradictions
 from strand.reconstruction.evidence.hidden_ends import doubt_hidden_ends, drop_explained, find_hidden_ends
+from strand.reconstruction.evidence.measured import (
+    Circumstances,
+    Shape,
+    describe_shapes,
+    measure_bound,
+    measure_evidence,
+)
 from strand.reconstruction.finding.ends_at_things import doubt_ends_at_things
 from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
 from strand.reconstruction.images.border_ends import doubt_ends_at_border
@@ -19,13 +26,14 @@ from strand.reconstruction.orientation import oriented
 from strand.reconstruction.stages import Found, Run
 from strand.reconstruction.upwards import find_up
 from strand.ropes.chain import Chain
-from strand.ropes.doubt import Doubt
+from strand.ropes.doubt import Alternative, Doubt
 from strand.ropes.model import Model
+from strand.ropes.posterior import load_posterior
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 from strand.views.view import View, placed
 
-_HASTE_DOUBT = 0.3  # doubt of an answer for which the deadline made strand skip something
+_HASTE_DOUBT = 0.6  # doubt of an answer for which the deadline made strand skip something
 
 
 def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages: bool) -> Model:
@@ -49,7 +57,7 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
     against = find_contradictions(chains, found.chains[len(chains) :], hints.prior, found.all_rings)
     if scene.tables:
         against += doubt_ends_at_edge(chains, scene.extract.whole, scene.tables)
-        against += doubt_ends_at_things(chains, scene.observed.whole)
+    against += doubt_ends_at_things(chains, scene.observed.whole, bool(scene.tables))
     chains = _describe_chains(chains, scene.extract.whole, list(poses))
     against += doubt_hidden_ends(chains)
     run.warnings[:] = drop_explained(run.warnings, chains)
@@ -69,17 +77,28 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
         ],
         key=lambda doubt: -doubt.amount,
     )
+    confidence, alternatives = float("nan"), found.alternatives
+    if found.doubts is not None:
+        how = _describe_circumstances(scene, found, hints, run)
+        shapes = describe_shapes(chains)
+        evidence = measure_evidence(doubts, shapes, how)
+        costs = [other.cost for other in alternatives]
+        confidence, *others = (
+            load_posterior("answers").compute(evidence, measure_bound(doubts), costs).tolist()
+        )
+        alternatives = tuple(map(_add_probability, alternatives, others))
+        chains = _add_confidence(chains, shapes, assign_doubts(chains, doubts, against), how)
     return Model(
-        tuple(chains) if found.doubts is None else _add_confidence(chains, doubts, against),
+        tuple(chains),
         poses,
         run.timings,
         tuple(run.warnings),
         stages,
         pose_sd,
-        confidence=float("nan") if found.doubts is None else compute_confidence(doubts),
+        confidence=confidence,
         joins=tuple(join for join in found.joins if max(join.chains) < len(chains)),
         doubts=tuple(doubts),
-        alternatives=found.alternatives,
+        alternatives=alternatives,
         method=hints.config.method,
         branch=found.branch,
         sensor=found.sensor,
@@ -127,14 +146,38 @@ def _doubt_haste(run: Run) -> list[Doubt]:
     return [doubt]
 
 
-def _add_confidence(
-    chains: Sequence[Chain], doubts: Sequence[Doubt], against: Sequence[tuple[Doubt, tuple[int, ...]]]
-) -> tuple[Chain, ...]:
-    """Return chains with the confidence and the doubts of each."""
-    return tuple(
-        replace(chain, confidence=sure, doubts=own)
-        for chain, (sure, own) in zip(chains, assign_doubts(chains, doubts, against), strict=True)
+def _describe_circumstances(scene: Scene, found: Found, hints: Hints, run: Run) -> Circumstances:
+    whole = scene.extract.whole
+    return Circumstances(
+        found.sensor,
+        len(whole),
+        has_images=any(view.image is not None for view in whole),
+        has_masks=any(view.mask is not None for view in whole),
+        has_things=any(warning.kind == "thing" for warning in run.warnings),
+        from_images=found.branch == "images",
+        knows_ropes=hints.prior.ropes is not None,
+        knows_lengths=bool(hints.prior.lengths),
     )
+
+
+def _add_probability(other: Alternative, probability: float) -> Alternative:
+    return replace(other, probability=probability)
+
+
+def _add_confidence(
+    chains: Sequence[Chain],
+    shapes: Sequence[Shape],
+    doubts: Sequence[tuple[Doubt, ...]],
+    how: Circumstances,
+) -> list[Chain]:
+    """Return chains with the confidence and the doubts of each."""
+    posterior = load_posterior("chains")
+    sure = []
+    for chain, shape, own in zip(chains, shapes, doubts, strict=True):
+        evidence = measure_evidence(own, [shape], how)
+        confidence = float(posterior.compute(evidence, measure_bound(own))[0])
+        sure.append(replace(chain, confidence=confidence, doubts=own))
+    return sure
 
 
 def _collect_poses(scene: Scene, found: Found) -> tuple[np.ndarray, np.ndarray]:

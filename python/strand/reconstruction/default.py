@@ -13,9 +13,9 @@ import numpy as np
 from strand._core import NotEnoughDataError
 from strand.config import Config
 from strand.reconstruction.courses import have_same_courses
-from strand.reconstruction.evidence.confidence import MIN_DOUBT, compute_confidence
+from strand.reconstruction.evidence.confidence import MIN_DOUBT, compute_trust
 from strand.reconstruction.evidence.depth_errors import MIN_CORRELATION
-from strand.reconstruction.evidence.gaps import doubt_gaps
+from strand.reconstruction.gaps import doubt_gaps
 from strand.reconstruction.images.above_table import add_masks, drop_unclear_views
 from strand.reconstruction.images.comparison import Reading, fit_and_rank, fit_into_images
 from strand.reconstruction.images.depth_scatter import SMALL_SCATTER, measure_depth_scatter
@@ -40,8 +40,8 @@ from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
 from strand.views.view import View
 
-_SURE_CONFIDENCE = 0.35  # more confident answers are not compared with others
-_MIN_CONFIDENCE = 0.1  # less confident tubes are compared with readings
+_SURE_TRUST = 0.35  # more trusted answers are not compared with others
+_MIN_TRUST = 0.1  # less trusted tubes are compared with readings
 _MAX_SCATTER = 0.55  # radii: where depths scatter more, points alone show no tubes
 _MISREAD_EXCESS = 0.2  # radii: readings with this much more noise than depths scatter are wrong
 _SMALL_NOISE = 0.25  # radii: with less noise than this in a reading, tubes are tried too
@@ -64,12 +64,12 @@ class _Attempt:
     run: Run
 
     @property
-    def confidence(self) -> float:
-        return compute_confidence(self.found.doubts or ())
+    def trust(self) -> float:
+        return compute_trust(self.found.doubts or ())
 
     @property
     def sure(self) -> bool:
-        return self.confidence >= _SURE_CONFIDENCE
+        return self.trust >= _SURE_TRUST
 
     @property
     def independent(self) -> bool:
@@ -155,7 +155,7 @@ def _find_in_clouds(observed: Observed, config: Config, run: Run) -> Found:
         if tubes is not None and run.skips("readings of images made of points"):
             return tubes.take(run)
     pictured, measured = picture_clouds(observed)
-    if tubes is not None and not measured and (tubes.confidence >= _MIN_CONFIDENCE or tubes.branched):
+    if tubes is not None and not measured and (tubes.trust >= _MIN_TRUST or tubes.branched):
         return tubes.take(run)
     if tubes is not None and _are_joined_by_colors(tubes, observed, config, run):
         return tubes.take(run)
@@ -199,7 +199,7 @@ def _are_better_than_images(
 ) -> bool:
     """Tell whether tubes are better than images made of points, in the pixels of a camera or in others."""
     # tubes follow ropes more closely where both agree
-    if tubes.confidence > images.confidence and (
+    if tubes.trust > images.trust and (
         not measured or _have_same_chains(tubes.found, images.found, observed.radius)
     ):
         return True
@@ -216,9 +216,7 @@ def _try_radii_alone(observed: Observed, config: Config, run: Run) -> Found:
     Noise makes estimates of one radius several.
     """
     tubes = _try_tubes(observed, config, run)
-    if tubes is not None and (
-        tubes.confidence >= _MIN_CONFIDENCE or run.skips("readings at each radius alone")
-    ):
+    if tubes is not None and (tubes.trust >= _MIN_TRUST or run.skips("readings at each radius alone")):
         return tubes.take(run)
     attempts = [] if tubes is None else [tubes]
     for number in range(len(observed.radii.values)):
@@ -230,7 +228,7 @@ def _try_radii_alone(observed: Observed, config: Config, run: Run) -> Found:
             continue
     if not attempts:
         raise NotEnoughDataError("views: the points make no rope; is the radius right, in metres?")
-    return max(attempts, key=lambda attempt: attempt.confidence).take(run)
+    return max(attempts, key=lambda attempt: attempt.trust).take(run)
 
 
 def _add_poses(found: Found, used: Observed, observed: Observed) -> Found:
@@ -276,7 +274,7 @@ def _try_tubes_first(observed: Observed, config: Config, run: Run) -> Found:
         return tubes.take(run)
     if tubes is not None:
         misread = reading.neighbor_correlation <= MIN_CORRELATION and _is_misread(reading, scatter)
-        misread = misread and tubes.confidence >= _MIN_CONFIDENCE
+        misread = misread and tubes.trust >= _MIN_TRUST
         if misread or run.skips("the comparison with readings of the images"):
             return tubes.take(run)
         return _take_better(reading, tubes, observed, config, run)
@@ -295,7 +293,7 @@ def _suffice(tubes: _Attempt, scatter: float, radius: float, has_images: bool) -
     if not (scatter < SMALL_SCATTER or tubes.sure):
         return False
     # correlated errors scatter little, and tubes fall to pieces
-    return (has_images and tubes.independent) or tubes.confidence >= _MIN_CONFIDENCE
+    return (has_images and tubes.independent) or tubes.trust >= _MIN_TRUST
 
 
 def _compare_with_noisy_depth(
@@ -346,7 +344,7 @@ def _choose_by_images(
     ):
         return images.take(run)
     tubes = _try_tubes(observed, config, run) if tubes is None else tubes
-    if tubes is not None and not noisy and tubes.independent and tubes.confidence >= images.confidence:
+    if tubes is not None and not noisy and tubes.independent and tubes.trust >= images.trust:
         return tubes.take(run)
     if run.skips("the comparison with tubes in the points"):
         return images.take(run)

@@ -34,7 +34,7 @@ from strand.views.rope_images import make_rope_images
 from strand.views.view import cropped
 
 _ONLY_COLOR = 0.2  # doubt of ropes that colour alone shows
-_LOW_STRIP = 0.5  # doubt of ropes beside a strip that may be a thinner one
+_LOW_STRIP = 2.0  # doubt of ropes beside a strip that may be a thinner one
 _STRIP_SD = 0.1  # radii: standard deviation of a radius measured by the width of strips
 
 _APPARENT_RADIUS = "radius: {}, so only the rope's apparent width gives it; give the radius if it is known"

@@ -9,7 +9,7 @@ from strand._core import NotEnoughDataError
 from strand.config import Config
 from strand.reconstruction.answering import build_model
 from strand.reconstruction.default import find_chains as find_by_default
-from strand.reconstruction.evidence.confidence import compute_confidence
+from strand.reconstruction.evidence.confidence import compute_trust
 from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.hand_eye import find_hand_eye_error
 from strand.reconstruction.masks import refuse_empty
@@ -148,7 +148,7 @@ def _find(extract: Extract, hints: Hints, run: Run) -> tuple[Scene, Found]:
 
 
 def _is_surer(some: Found, other: Found) -> bool:
-    return compute_confidence(some.doubts or ()) > compute_confidence(other.doubts or ())
+    return compute_trust(some.doubts or ()) > compute_trust(other.doubts or ())
 
 
 def _check(

@@ -31,7 +31,7 @@ _SMALL_MOTION = 0.7  # radii that corrections move ropes: less raises no doubt
 _FULL_MOTION = 1.2  # radii that corrections move ropes: more raises all of the doubt
 _MARGIN = 0.1  # radii that axes may lie outside the extraction range
 _OUTSIDE_DOUBT = 0.2  # doubt per share of the axes that lie outside
-_MIN_BEHIND = 1.6  # radii behind a rope's surface: farther depths saw through the rope
+MIN_BEHIND = 1.6  # radii behind a rope's surface: farther depths saw through the rope
 _HIDDEN_BEHIND = 3.0  # radii: the same for ropes that a matcher's windows hide, which show as their table
 _STEPS_BEHIND = 2.0  # steps of depth: as far behind, where steps are wider than ropes
 _MAX_THROUGH = 0.06  # share of the places of ropes that a view may see through
@@ -117,7 +117,7 @@ def _doubt_views(observed: Observed, found: Found) -> Iterator[Doubt]:
         shown, lost = shown + returned, lost + missed
         if returned < _MIN_PLACES:
             continue
-        through = int(np.count_nonzero(behind > _MIN_BEHIND)) - missed
+        through = int(np.count_nonzero(behind > MIN_BEHIND)) - missed
         if through > _MAX_THROUGH * returned:
             through = (
                 int(
@@ -143,10 +143,10 @@ def find_least_behind(view: View, radius: float) -> float:
     """Return how far behind the surface of a rope depths lie at least that saw through it, radii."""
     image = view.image
     if image is None or not image.distance > 0.0:
-        return _MIN_BEHIND
+        return MIN_BEHIND
     clear = min(max(show_in_windows(radius * max(image.camera.focal) / image.distance), 0.0), 1.0)
     in_steps = _STEPS_BEHIND * find_depth_step(image) / radius
-    return max(_HIDDEN_BEHIND + clear * (_MIN_BEHIND - _HIDDEN_BEHIND), in_steps)
+    return max(_HIDDEN_BEHIND + clear * (MIN_BEHIND - _HIDDEN_BEHIND), in_steps)
 
 
 def measure_depth_behind(view: View, pose: Array, nodes: Array, radius: float) -> Array:

@@ -24,6 +24,7 @@ from strand.report.space_figure import make_space_figure
 from strand.report.tables import count_stages, describe_ends
 from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
+from strand.ropes.summary import say_whether_to_act
 from strand.support.checks import Array, check_finite_array
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
@@ -125,14 +126,12 @@ def _summarize(model: Model) -> str:
     parts = [f"{count} {'chain' if count == 1 else 'chains'}"]
     if count:
         parts[0] += f" ({lengths}{', …' if count > _MAX_LENGTHS else ''})"
-    unknown = np.isnan(model.confidence)
-    parts.append("confidence not known" if unknown else f"confidence {model.confidence:.2f}")
     parts.append(_count(len(model.doubts), "doubt"))
     parts.append(_count(len(model.warnings), "warning"))
     if model.alternatives:
         parts.append(f"{_count(len(model.alternatives), 'other way')} to join the segments fitted too")
     parts.append(f"method {model.method or 'not known'}")
-    return "; ".join(parts) + "."
+    return f"{say_whether_to_act(model.confidence)} {'; '.join(parts)}."
 
 
 def _count(count: int, what: str) -> str:
@@ -202,7 +201,7 @@ def _tabulate_crossings(model: Model) -> str:
     """Return the table of crossings, seen from above; empty without any."""
     if not model.chains:
         return ""
-    met = list_crossings(model.chains, model.up, model.doubts)
+    met = list_crossings(model.chains, model.up, model.doubts, model.confidence)
     rows = [
         (
             *(f"chain {chain} at {1e3 * s:.0f} mm" for chain, s in (one.over, one.under)),

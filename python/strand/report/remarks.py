@@ -15,8 +15,7 @@ class Remark:
     ----------
     text : str
     weight : float
-        The doubt's amount; the confidence is exp(-0.01 - d), where d is the sum of all amounts. 0 for a
-        warning without a doubt.
+        The doubt's amount; 0 for a warning without a doubt.
     warned : bool
         Whether the model has a warning; otherwise, only a doubt.
     """

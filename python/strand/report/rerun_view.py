@@ -137,7 +137,7 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
             )
     radius = float(np.median([chain.radius for chain in model.chains])) if model.chains else 0.005
     if len(nodes):
-        met = list_crossings(model.chains, model.up, model.doubts)
+        met = list_crossings(model.chains, model.up, model.doubts, model.confidence)
         if met:
             places, orders = zip(*((crossing.place, str(crossing)) for crossing in met), strict=True)
             log("crossings", rerun.Points3D(places, radii=radius, colors=[_CROSSING], labels=orders))

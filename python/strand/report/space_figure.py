@@ -242,7 +242,7 @@ def _draw_places(pen: Pen, model: Model) -> list[dict[str, Any]]:
         if not chain.closed
         for place, what in ((chain.points[0], "starts"), (chain.points[-1], "ends"))
     ]
-    met = list_crossings(model.chains, model.up, model.doubts)
+    met = list_crossings(model.chains, model.up, model.doubts, model.confidence)
     crossed = [(crossing.place, str(crossing)) for crossing in met]
     doubts = [
         (doubt.place, f"{doubt.kind}, weight {doubt.amount:.3f}: {doubt}")

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
+from strand.ropes.summary import say_whether_to_act
 from strand.views.view import View
 
 # the stages of each branch or method, each with the key of its points in Model.stages, or None if it has no
@@ -217,7 +218,7 @@ def describe_ends(chain: Chain) -> str:
 
 def describe_crossings(model: Model) -> str:
     """Format the crossings seen from above: strands, gap, angle, sign and probability; empty without any."""
-    met = list_crossings(model.chains, model.up, model.doubts)
+    met = list_crossings(model.chains, model.up, model.doubts, model.confidence)
     rows = [
         (
             *(f"{chain} at {s * 1e3:.1f}" for chain, s in (one.over, one.under)),
@@ -236,10 +237,8 @@ def describe_crossings(model: Model) -> str:
 
 
 def describe_confidence(model: Model) -> str:
-    """Format the confidence of all ropes together in one line."""
-    if np.isnan(model.confidence):
-        return "confidence: not known, as the method does not say"
-    return f"confidence: {model.confidence:.2f} that all ropes have the right course"
+    """Say in one line how sure all ropes together are, and whether to act."""
+    return say_whether_to_act(model.confidence)
 
 
 def describe_frame(model: Model) -> str:

@@ -128,7 +128,8 @@ class Chain(Line):
 
         The number of the chain is 0 in the result. The default direction is `up`.
         """
-        return find_crossings([self], self.up if direction is None else direction, self.doubts)
+        towards = self.up if direction is None else direction
+        return find_crossings([self], towards, self.doubts, self.confidence)
 
     def diagram(self, direction: ArrayLike | None = None) -> Diagram:
         """Return all crossings of the rope in the codes of knot theory, see `strand.knot_diagram`.
@@ -158,7 +159,7 @@ class Chain(Line):
         arc = self._path_arcs if self.closed else self.arc_length
         if crossings is not None or self.covariance is None:
             return name_knot(self.points, self.closed, arc, crossings, direction)
-        own = list_crossings([self], direction, self.doubts)
+        own = list_crossings([self], direction, self.doubts, self.confidence)
         rows = [(one.over[1], one.under[1], one.probability) for one in own]
         return name_knot(self.points, self.closed, arc, rows, direction, strict=False)
 

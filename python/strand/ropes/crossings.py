@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -111,7 +112,7 @@ class Crossing:
 
 
 def find_crossings(
-    chains: Sequence[Line], direction: ArrayLike, doubts: Sequence[Doubt]
+    chains: Sequence[Line], direction: ArrayLike, doubts: Sequence[Doubt], confidence: float = math.nan
 ) -> tuple[Crossing, ...]:
     """Find where chains cross in projection along a direction, see `Model.crossings`."""
     towards = check_direction("direction", direction)
@@ -132,7 +133,7 @@ def find_crossings(
         sd = np.sqrt(np.maximum(variance, 0.0)) / lever
     radii = np.array([chain.radius for chain in chains])[number].sum(axis=0)
     gap = _measure_gap(chains, number, at, height, radii)
-    probability = estimate_order_probability(height, sd, radii, point.mean(axis=0), doubts)
+    probability = estimate_order_probability(height, sd, radii, angle, point.mean(axis=0), doubts, confidence)
     found = []
     for k in range(len(height)):
         over, under = (upper[k], k), (1 - upper[k], k)
@@ -154,12 +155,12 @@ def find_crossings(
 
 
 def list_crossings(
-    chains: Sequence[Line], direction: ArrayLike, doubts: Sequence[Doubt]
+    chains: Sequence[Line], direction: ArrayLike, doubts: Sequence[Doubt], confidence: float = math.nan
 ) -> tuple[Crossing, ...]:
     """Return crossings for files, tables and pages; none of long chains, as noise may have millions."""
     if sum(len(chain.points) for chain in chains) > _MAX_LISTED:
         return ()
-    return find_crossings(chains, direction, doubts)
+    return find_crossings(chains, direction, doubts, confidence)
 
 
 def find_free_stretch(

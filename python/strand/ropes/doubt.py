@@ -9,6 +9,7 @@ from strand.support.checks import (
     Array,
     check_choice,
     check_finite_array,
+    check_fraction_or_nan,
     check_integer,
     check_nonnegative,
     check_number,
@@ -23,6 +24,9 @@ DOUBTS = (
     "join",
     "rival",
     "end",
+    "cut end",
+    "hidden end",
+    "gap",
     "left out",
     "noise",
     "prior",
@@ -50,15 +54,18 @@ DOUBTS = (
 - "join": the segments there may belong together in another way.
 - "rival": another way to join all segments costs hardly more.
 - "end": the rope may end elsewhere.
+- "cut end": the rope leaves the images, or goes on beneath the table's edge.
+- "hidden end": something in front of the rope hides its end.
+- "gap": cameras saw through a gap that was bridged, or a rope goes on in line with an end.
 - "left out": a segment belongs to no rope.
 - "noise": the noise is wide compared with the rope.
 - "prior": an answer that ignores a prior explains the points better.
 - "points": too few points lie on the ropes.
-- "mask": the inside of a mask does not stand out from its surroundings.
+- "mask": masks are too wide, or the inside of one does not stand out from its surroundings.
 - "pose": poses moved farther than their stated error.
 - "radius": ropes or their masks look thicker or thinner than the given radius.
 - "range": ropes leave the extraction range.
-- "residuals": residuals are correlated along stretches of rope.
+- "residuals": views disagree along stretches of rope, or about where it ends.
 - "view": a view saw through the ropes.
 - "depth", "intrinsics", "viewpoint": these look like a usual mistake.
 - "beneath": by the poses, the cameras look at the ropes from beneath.
@@ -69,13 +76,13 @@ DOUBTS = (
 - "color": colour alone shows the ropes, because depth does not resolve their height.
 """
 
-WARNINGS = (*DOUBTS, "branch", "cut end", "kept pose", "no rope", "open pose", "thing", "unused view")
+WARNINGS = (*DOUBTS, "branch", "kept pose", "no rope", "open pose", "thing", "unused view")
 """Kinds of warning: those of doubts, and the following.
 
 - "mask", also without a doubt: a mask has more labels than there are ropes.
 - "radius", also without a doubt: the points contradict the given radius, or hardly fix the estimated one.
 - "branch": a chain ends on the side of another one.
-- "cut end": a chain leaves the extraction range, or the images at their borders.
+- "cut end", also without a doubt: a chain leaves the extraction range.
 - "kept pose": strand could not register a view, which keeps its reported pose.
 - "no rope": there is none. Only tables of batches have it; `reconstruct` raises `NoRopeError`.
 - "open pose": the data do not fix a direction of a view's pose.
@@ -102,7 +109,7 @@ class Doubt:
     kind : str
         One of `DOUBTS`.
     amount : float
-        How grave it is, 0 or above. The confidence is exp(-0.01 - d), where d is the sum of all amounts.
+        How grave it is, 0 or above. `Model.confidence` weighs the amounts of each kind together.
     about : str
         What is uncertain, in words.
     reason : str
@@ -212,13 +219,18 @@ class Alternative:
         How much more than the answer it leaves unexplained, in radii of rope.
     chains : tuple of (K, 3) ndarray
         Nodes of each rope in order, world frame, metres, before the last fit.
+    probability : float
+        Probability that the ropes run this way, from 0 to 1. With `Model.confidence` and those of the other
+        alternatives it adds up to at most 1. NaN if unknown.
     """
 
     cost: float
     chains: tuple[Array, ...]
+    probability: float = float("nan")
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cost", check_number("cost", self.cost))
+        object.__setattr__(self, "probability", check_fraction_or_nan("probability", self.probability))
         each = check_sequence("chains", self.chains, "arrays")
         nodes = tuple(
             freeze_array(check_finite_array(f"chains[{i}]", one, ("N", 3))) for i, one in enumerate(each)

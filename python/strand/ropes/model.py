@@ -29,6 +29,7 @@ from strand.ropes.notebook import make_html
 from strand.ropes.pulls import PullPlan, plan_pulls
 from strand.ropes.queries import RayHits, SweepHits
 from strand.ropes.seen_side import USUAL_UP, check_table, check_up
+from strand.ropes.summary import summarize
 from strand.support.checks import (
     Array,
     check_choice,
@@ -77,8 +78,9 @@ class Model:
         Standard deviations of the poses' corrections in the world frame: rotation vector, radians, and
         translation of the points' centroid, metres. 0 for the view that stayed, NaN where unknown.
     confidence : float
-        Probability that the ropes run as the chains say, from 0 to 1: in order, none missing, none joined to
-        another, ends in place. NaN if the method does not say.
+        Probability that the ropes run as the chains say, from 0 to 1: as many chains as ropes, each within
+        3 radii of its rope, from end to end and in order. Which strand lies on top at a crossing has a
+        probability of its own. NaN if the method does not say.
     joins : tuple of Join
         Where strand joined segments over gaps and crossings, the least certain first.
     doubts : tuple of Doubt
@@ -117,7 +119,7 @@ class Model:
     >>> chains = (strand.Chain(under, 0.004), strand.Chain(over, 0.004))
     >>> model = strand.Model(chains, poses=np.empty((0, 4, 4)))
     >>> print(model.crossings()[0])
-    chain 1 at 100 mm passes over chain 0 at 100 mm, probability 0.707
+    chain 1 at 100 mm passes over chain 0 at 100 mm, probability 0.692
     >>> print(model.grasps(strand.Gripper(opening=0.04, width=0.01, thickness=0.008, depth=0.04))[0])
     chain 1 at 3 mm, jaws 40.0 mm open, score 0.88
     >>> print(model.pull_plan().pulls[0])
@@ -191,6 +193,15 @@ class Model:
         if len(self.doubts) > _MAX_DOUBTS_SHOWN:
             lines.append(f"  and {len(self.doubts) - _MAX_DOUBTS_SHOWN} more doubts")
         return make_html(self.chains, lines, self.up, places)
+
+    def summary(self) -> str:
+        """Return the answer in words; the first line says whether to act on it.
+
+        "Act on it" stands for a confidence of at least 0.9, "Look again before acting" for at least 0.5, else
+        "Do not act on it". The next lines list the chains, their crossings and the greatest doubts.
+        """
+        crossings = list_crossings(self.chains, self.up, self.doubts, self.confidence)
+        return summarize(self.confidence, self.chains, crossings, self.doubts)
 
     def next_view(self) -> Array:
         """Return the camera position (3,) that best sees the least certain place, world frame, metres.
@@ -316,7 +327,7 @@ class Model:
         tuple of Crossing
             In order along the chains.
         """
-        return find_crossings(self.chains, self._choose_direction(direction), self.doubts)
+        return find_crossings(self.chains, self._choose_direction(direction), self.doubts, self.confidence)
 
     def contacts(self, distance: float, direction: ArrayLike | None = None) -> tuple[Contact, ...]:
         """Find where strands lie near each other without crossing.
@@ -565,7 +576,7 @@ def describe_model(model: Model) -> dict[str, Any]:
         # it is the model's
         del chain["up"]
     content["table"] = None if model.table is None else convert_to_json(model.table._asdict())
-    crossings = convert_to_json(list_crossings(model.chains, model.up, model.doubts))
+    crossings = convert_to_json(list_crossings(model.chains, model.up, model.doubts, model.confidence))
     return {
         "format": FORMAT,
         "version": VERSION,

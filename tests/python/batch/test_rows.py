@@ -54,7 +54,7 @@ def test_rows_hold_the_model_bit_for_bit(knot):
     assert batch.schema == make_schema()
     scene = strand.load_scene(knot)
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
-    crossings = list_crossings(model.chains, model.up, model.doubts)
+    crossings = list_crossings(model.chains, model.up, model.doubts, model.confidence)
     assert len(batch) == len(model.chains) > 1
     assert len(crossings) > 0
     written = []

@@ -91,7 +91,7 @@ def test_long_work_shows_stages_and_times_on_a_terminal(scene_npz):
     # it vanishes before the answer is printed
     after = shown[shown.rindex("third") :]
     assert "\x1b[?25h" in after
-    assert after.index("\x1b[?25h") < after.index("confidence")
+    assert after.index("\x1b[?25h") < after.index("Check it")
     assert "strand: " not in shown
 
 

@@ -32,7 +32,7 @@ def test_after_the_deadline_the_first_answer_is_taken_and_doubted(scene):
         assert np.isfinite(chain.covariance).all()
     (doubt,) = (doubt for doubt in model.doubts if doubt.kind == "deadline")
     assert doubt.reason.startswith("skipped: ")
-    assert model.confidence <= math.exp(-doubt.amount)
+    assert model.confidence <= math.exp(-0.5 * doubt.amount)
     (warning,) = find_warnings(model, "deadline")
     assert warning.amount == doubt.amount
 

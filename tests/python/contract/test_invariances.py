@@ -134,9 +134,9 @@ def test_the_order_of_points_does_not_matter(case):
         case.again([View(view.points[order(len(view.points))], view.pose) for view in views])
         for order in (np.arange, rng.permutation)
     )
-    if one.confidence < 0.5:
+    if min(one.confidence, other.confidence) < 0.9:
         # images show the noise, points do not
-        assert other.confidence < 0.5
+        assert max(one.confidence, other.confidence) < 0.95
         return
     # the order of points decides which points of a crowd are used
     assert measure_difference(one, other, case.scene.radius) < 2 * NEAR

@@ -168,7 +168,7 @@ def test_tables_match_the_model(paper, paper_model, report):
     assert f"<td>{chain.length * 1e3:.1f}</td>" in text
     assert f"1 chain ({chain.length * 1e3:.0f} mm)" in text
     assert "whole" not in re.sub(r"<script.*", "", text, flags=re.DOTALL)
-    assert f"confidence {paper_model.confidence:.2f}" in text
+    assert f"with probability {paper_model.confidence:.2f}" in text
     for name in paper_model.timings:
         assert f"<td>{name}</td>" in text
     for doubt in paper_model.doubts:

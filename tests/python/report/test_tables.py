@@ -166,5 +166,7 @@ def test_chains_with_confidence():
         "1             80.0      9         4.00  closed        0.99  end, join",
         "2             10.0      3         4.00    open        0.99",
     ]
-    assert tables.describe_confidence(model) == "confidence: 0.49 that all ropes have the right course"
-    assert tables.describe_confidence(make_model(LINE)).startswith("confidence: not known")
+    assert tables.describe_confidence(model) == (
+        "Do not act on it: the ropes run as the chains say with probability 0.49."
+    )
+    assert tables.describe_confidence(make_model(LINE)).startswith("Check it: ")

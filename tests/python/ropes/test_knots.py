@@ -243,7 +243,7 @@ def test_a_reconstructed_chain_has_its_own_crossings():
     below = np.prod([crossing.probability for crossing in chain.crossings((0, 0.2, -1))])
     assert chain.knot(direction=(0, 0.2, -1)).probability == pytest.approx(below * sure.probability)
     doubt = Doubt("order", 2.0, "what is on top", "said by a test", place=chain.crossings()[0].place)
-    assert replace(chain, doubts=(doubt,)).knot().probability < 0.95 * found.probability
+    assert replace(chain, doubts=(doubt,)).knot().probability < found.probability
     # without covariances nodes are as they are
     assert replace(chain, covariance=None, doubts=(doubt,)).knot() == sure
     with pytest.raises(ValueError, match="direction"):

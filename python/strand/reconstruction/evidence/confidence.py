@@ -1,4 +1,4 @@
-"""Compute the confidence of an answer, and find where it contradicts the caller's knowledge of the ropes."""
+"""Weigh the doubts of answers, and find where they contradict the caller's knowledge of the ropes."""
 
 from __future__ import annotations
 
@@ -16,24 +16,25 @@ SCALE = 2.5  # a difference of costs, in the unit of `Config.linking`, that mult
 MIN_DOUBT = 1e-3  # smaller doubts are dropped
 USUAL_NOISE = 0.21  # radii of noise that raise no doubt
 _REACH = 15.0  # radii: a doubt concerns the chains this near its place
+_GRAVE = 5.0  # a doubt this grave concerns all chains: the input is wrong
 _BASE_DOUBT = 0.01  # doubt of every answer
 _JOIN_DOUBT = 0.5  # doubt of a join without any margin
 _LENGTH_DOUBT = 0.4  # doubt per radius that a length is wrong beyond what is allowed
 _OPEN_RING_DOUBT = math.log(2.0)  # doubt of each open rope that should be a ring
 
 
-def compute_confidence(doubts: Sequence[Doubt]) -> float:
-    """Return the probability that the answer is right: exp(-0.01 - d), where d is the sum of all doubts."""
+def compute_trust(doubts: Sequence[Doubt]) -> float:
+    """Return a score by which answers to the same views are compared: exp(-0.01 - d), d the sum of doubts."""
     return float(np.exp(-_BASE_DOUBT - sum(doubt.amount for doubt in doubts)))
 
 
 def assign_doubts(
     chains: Sequence[Chain], doubts: Sequence[Doubt], about: Sequence[tuple[Doubt, tuple[int, ...]]]
-) -> list[tuple[float, tuple[Doubt, ...]]]:
-    """Return the confidence and the doubts of each chain.
+) -> list[tuple[Doubt, ...]]:
+    """Return the doubts of each chain.
 
-    A doubt with a place concerns the chains that run near it. A doubt without one concerns all chains, unless
-    it names some.
+    A doubt with a place concerns the chains that run near it, unless it is grave. A doubt without one
+    concerns all chains, unless it names some.
 
     Parameters
     ----------
@@ -48,10 +49,13 @@ def assign_doubts(
     for doubt in doubts:
         numbers: Sequence[int] | None = named.get(id(doubt))
         if numbers is None:
-            numbers = range(len(chains)) if doubt.place is None else _find_near(chains, doubt.place)
+            if doubt.place is None or doubt.amount >= _GRAVE:
+                numbers = range(len(chains))
+            else:
+                numbers = _find_near(chains, doubt.place)
         for number in numbers:
             found[number].append(doubt)
-    return [(compute_confidence(own), tuple(own)) for own in found]
+    return [tuple(own) for own in found]
 
 
 def _find_near(chains: Sequence[Chain], place: Array) -> list[int]:

@@ -20,7 +20,7 @@ _PLACES = np.arange(0.0, 4.01, 0.5)  # radii beyond an end: places that an occlu
 _HEADING = 4.0  # radii before an end that give its direction
 _MIN_FREE = 2  # places seen through before an occluder: with as many, the rope ends before it
 _NEAR = 4.0  # radii around an end: other doubts there are about the same end
-_DOUBT = 0.1  # amount of doubt: how far a rope goes on under an occluder changes little of its course
+_DOUBT = 0.2  # amount of doubt: how far a rope goes on under an occluder changes little of its course
 
 _Remark = TypeVar("_Remark", Doubt, ModelWarning)
 
@@ -63,7 +63,7 @@ def doubt_hidden_ends(chains: Sequence[Chain]) -> list[tuple[Doubt, tuple[int, .
     """Return a doubt for each end that an occluder hides, with the number of its chain."""
     reason = "an occluder hides it: the rope goes on beneath for an unknown length"
     return [
-        (Doubt("end", _DOUBT, "where a rope ends", reason, place), (number,))
+        (Doubt("hidden end", _DOUBT, "where a rope ends", reason, place), (number,))
         for number, place, _ in _list_hidden(chains)
     ]
 

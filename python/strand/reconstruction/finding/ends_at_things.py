@@ -19,13 +19,20 @@ _IN_FRONT = 5.0  # radii: what is this much nearer to the camera is no rope on t
 _BESIDE = 1.0  # radii: the same, of what is not in the mask of the ropes that were found
 _MIN_DISTANCE = 0.02  # of the end's distance from the camera: the same, where depth is coarse
 _MIN_BESIDE = 0.01  # of that distance: the same, of what is not in the mask
-_DOUBT = 0.3  # amount of doubt of an end
+_DOUBT = 1.4  # amount of doubt of an end
 
 
 def doubt_ends_at_things(
-    chains: Sequence[Chain], views: Sequence[View]
+    chains: Sequence[Chain], views: Sequence[View], segmented: bool
 ) -> list[tuple[Doubt, tuple[int, ...]]]:
     """Doubt ends beyond which all views show something in front: the rope may go on behind it.
+
+    Parameters
+    ----------
+    chains : sequence of Chain
+    views : sequence of View
+    segmented : bool
+        Whether strand made the masks, so that noise beside the ropes is in them.
 
     Returns
     -------
@@ -40,13 +47,13 @@ def doubt_ends_at_things(
             end, back = chain.at(at), chain.at(inward)
             step = (end - back) / max(float(np.linalg.norm(end - back)), 1e-12) * chain.radius
             places = end + np.outer(_STEPS, step)
-            if images and all(_hides(image, places, step, chain.radius) for image in images):
+            if images and all(_hides(image, places, step, chain.radius, segmented) for image in images):
                 reason = "something stands in front of this end: the rope may go on behind it"
-                found.append((Doubt("end", _DOUBT, "where a rope ends", reason, end), (number,)))
+                found.append((Doubt("hidden end", _DOUBT, "where a rope ends", reason, end), (number,)))
     return found
 
 
-def _hides(image: DepthImage | None, places: Array, step: Array, radius: float) -> bool:
+def _hides(image: DepthImage | None, places: Array, step: Array, radius: float, segmented: bool) -> bool:
     """Tell whether an image shows something clearly in front of one of (N, 3) places, or beside it.
 
     They follow each other in the direction of a step.
@@ -64,7 +71,7 @@ def _hides(image: DepthImage | None, places: Array, step: Array, radius: float) 
     on_rope = image.mask[rows[inside], columns[inside]]
     far = away[inside]
     least = np.where(
-        on_rope,
+        on_rope | (not segmented),
         np.maximum(_IN_FRONT * radius, _MIN_DISTANCE * far),
         np.maximum(_BESIDE * radius, _MIN_BESIDE * far),
     )

@@ -17,7 +17,7 @@ _BELOW = 1.5  # radii below the table: points there are beyond its edge
 _DEVIATIONS = 6.0  # standard deviations of the table's heights: points that far below are beyond its edge
 _DEVIATION_OF_MEDIAN = 1.5  # standard deviation over the median of absolute heights, rounded up
 _MIN_POINTS = 10  # beyond the edge: with fewer an end is not doubted
-_DOUBT = 1.5  # amount of doubt of an end
+_DOUBT = 2.0  # amount of doubt of an end
 
 
 def doubt_ends_at_edge(
@@ -47,7 +47,7 @@ def doubt_ends_at_edge(
                 if table is not None
             ):
                 reason = "something is seen below the table's edge beside this end: the rope may go on there"
-                found.append((Doubt("end", _DOUBT, "where a rope ends", reason, end), (number,)))
+                found.append((Doubt("cut end", _DOUBT, "where a rope ends", reason, end), (number,)))
     return found
 
 

@@ -16,7 +16,7 @@ from strand.views.depth_image import DepthImage
 
 _NEAR = 1.25  # radii from the border: a rope whose end is nearer leaves the image
 _AHEAD = 2.0  # radii beyond an end: outside the image, the rope leaves it too
-_DOUBT = 0.5  # amount of doubt of an end at the border
+_DOUBT = 1.2  # amount of doubt of an end at the border
 _BIASED = 1.25  # radii from the border: nearer, the border cuts the mask, and its middle is not the rope's
 _HEADING = 4.0  # radii before the border that give a rope's direction
 _MIN_ASIDE = 0.75  # radii: an end that lies as far from that direction is a hook along the border
@@ -44,7 +44,7 @@ def doubt_ends_at_border(
             places = np.stack([end, end + _AHEAD * chain.radius * outward])
             at, ahead = np.max([_measure_margins(image, places, chain.radius) for image in images], axis=0)
             if at < _NEAR or ahead < 0.0:
-                found.append((Doubt("end", _DOUBT, "where a rope ends", reason, end), (number,)))
+                found.append((Doubt("cut end", _DOUBT, "where a rope ends", reason, end), (number,)))
     return found
 
 

@@ -127,7 +127,7 @@ def doubt_wide_masks(wider: float, slimmed: bool) -> Iterator[Doubt]:
         f"masks are {wider:.1f} pixels wider on each side than the radius says; is it right, and are they?"
     )
     amount = _WIDE * max(wider - _USUAL_WIDE, 0.0)
-    yield Doubt("uncovered", _SLIMMED * amount if slimmed else amount, "of the ropes found", reason)
+    yield Doubt("mask", _SLIMMED * amount if slimmed else amount, "of the ropes found", reason)
 
 
 def doubt_ends_at_strands(chains: Sequence[Array], scatter: float, radius: float) -> Iterator[Doubt]:

@@ -106,4 +106,4 @@ def _doubt_ends(fit: TubeFit, ends: Sequence[EndObservation]) -> Iterator[Doubt]
             f"views see it in places up to {np.ptp(offset):.1f} radii from each other; depth around it may "
             "not be the rope's"
         )
-        yield Doubt("end", _END * max(rare - _END_DEVIATE, 0.0), "where the rope ends", reason, middle)
+        yield Doubt("residuals", _END * max(rare - _END_DEVIATE, 0.0), "where the rope ends", reason, middle)

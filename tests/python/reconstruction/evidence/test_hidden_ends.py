@@ -26,10 +26,10 @@ def test_an_end_in_a_gripper_is_hidden_and_the_other_end_is_not(kind):
     (chain,) = model.chains
     assert chain.hidden_ends == (False, True)
     assert LENGTH - 0.12 < chain.length < LENGTH - 0.06
-    (doubt,) = [doubt for doubt in chain.doubts if doubt.kind == "end"]
+    (doubt,) = [doubt for doubt in chain.doubts if doubt.kind == "hidden end"]
     np.testing.assert_array_equal(doubt.place, chain.points[-1])
     assert "occluder" in doubt.reason
-    assert any(warning.kind == "end" and warning.chains == (0,) for warning in model.warnings)
+    assert any(warning.kind == "hidden end" and warning.chains == (0,) for warning in model.warnings)
 
 
 @pytest.mark.parametrize("kind", INPUTS)

@@ -46,7 +46,7 @@ def test_an_end_at_the_edge_is_doubted_where_the_rope_goes_on_below(points_only)
     if points_only:
         view = strand.View(view.points, view.pose)
     ((doubt, about),) = doubt_ends_at_edge([chain], [view], [Plane(NORMAL, 0.0)])
-    assert doubt.kind == "end"
+    assert doubt.kind == "cut end"
     assert about == (0,)
     np.testing.assert_array_equal(doubt.place, chain.points[-1])
     assert doubt_ends_at_edge([chain], [view], [None]) == []

@@ -100,7 +100,7 @@ def test_the_answer_has_the_doubt_and_says_by_how_much_views_disagree():
     doubt = model.doubts[0]
     assert doubt.kind == "depth"
     assert "give depth[:, ::-1]; views disagree by" in doubt.reason
-    assert model.confidence < 1e-3
+    assert model.confidence < 0.1
 
 
 def test_views_that_disagree_for_no_usual_reason_are_doubted():

@@ -53,7 +53,7 @@ def test_an_answer_from_grey_values_is_not_sure():
     made = strand.synthetic.scene("s", seed=7, views=1, mask=Segmentation())
     view = make_view(to_gray(made.depth[0] * made.depth_scale), 1e-3, mask=made.mask[0])
     model = strand.reconstruct([view], made.radius)
-    assert model.confidence < 0.05
+    assert model.confidence < 0.1
     assert any("8-bit" in str(warning) for warning in model.warnings)
 
 
@@ -66,7 +66,7 @@ def test_tubes_behind_the_camera_raise_no_internal_error():
     for scale in (1e-3, 2e-3, 4e-3):
         view = strand.View.from_depth(gray, made.intrinsics, made.poses[0], depth_scale=scale)
         with contextlib.suppress(strand.StrandError):
-            assert strand.reconstruct([view], radius).confidence < 0.05
+            assert strand.reconstruct([view], radius).confidence < 0.1
 
 
 def test_depths_in_centimetres_are_too_far_for_the_camera():

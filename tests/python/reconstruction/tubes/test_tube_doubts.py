@@ -35,7 +35,7 @@ def test_a_hidden_end_is_put_in_the_middle_of_its_range_and_doubted(tucked_under
     hidden = [doubt for doubt in model.doubts if doubt.kind == "end"]
     assert len(hidden) == 1
     assert np.linalg.norm(hidden[0].place - end) < 4.0 * R
-    assert model.confidence < 0.8
+    assert model.confidence < 0.95
     assert [(warning.place.tolist(), warning.amount) for warning in find_warnings(model, "end")] == [
         (doubt.place.tolist(), doubt.amount) for doubt in model.doubts if doubt.kind == "end"
     ]

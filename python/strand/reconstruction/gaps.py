@@ -9,7 +9,7 @@ import numpy as np
 import strand._core as _core
 from strand.geometry.polyline import find_runs
 from strand.reconstruction.stages import Found, Observed
-from strand.reconstruction.systematic import find_least_behind, measure_depth_behind
+from strand.reconstruction.systematic import MIN_BEHIND, find_least_behind, measure_depth_behind
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
@@ -17,14 +17,14 @@ from strand.support.checks import Array
 _MIN_SEEN_THROUGH = 0.6  # radii of a bridged gap that a view saw through: shorter stretches are noise
 _FULL_SEEN_THROUGH = 1.2  # radii: a longer stretch raises all of the doubt
 _MIN_SHARE = 0.4  # of a gap's nodes with depth that a view saw through
-_BRIDGED_DOUBT = 0.5  # doubt of a join over a gap that a view saw through
+_BRIDGED_DOUBT = 2.4  # doubt of a join over a gap that a view saw through
 
 _MAX_GAP = 14.0  # radii: ends that are farther from each other are ends of two ropes
 _FULL_DOUBT_GAP = 10.0  # radii: nearer ends raise all of the doubt
 _HEADING = (0.5, 4.5)  # radii from an end: its direction is taken between these places
 _MAX_COST = 13.0  # of a join, in the unit of `Config.linking`: at this cost two ends are not in line
 _FULL_DOUBT_COST = 7.0  # the same: cheaper joins raise all of the doubt
-_FACING_DOUBT = 0.35  # doubt of two ends that point at each other
+_FACING_DOUBT = 0.7  # doubt of two ends that point at each other
 _MIN_CONFIRMING = 2  # views that saw through a gap, and so confirm that it is one
 _PLACES = np.linspace(0.25, 0.75, 7)[:, None]  # shares of a gap: its middle, which ends do not reach
 
@@ -55,11 +55,14 @@ def _doubt_bridges(chain: Chain, observed: Observed, poses: Sequence[Array]) -> 
         return
     through = np.zeros(len(chain.points), dtype=bool)
     shown = np.zeros(len(chain.points), dtype=bool)
+    inside = np.concatenate([np.arange(start, stop) for start, stop in gaps])
     for view, pose in zip(observed.whole, poses, strict=True):
         # comparisons with NaN are false
-        behind = measure_depth_behind(view, pose, chain.points, chain.radius)
-        shown |= behind < np.inf
-        through |= (behind > find_least_behind(view, chain.radius)) & (behind < np.inf)
+        behind = measure_depth_behind(view, pose, chain.points[inside], chain.radius)
+        measured = behind < np.inf
+        shown[inside] |= measured
+        if (measured & (behind > MIN_BEHIND)).any():
+            through[inside] |= measured & (behind > find_least_behind(view, chain.radius))
     for start, stop in gaps:
         count = int(np.count_nonzero(through[start:stop]))
         length = count * spacing
@@ -71,7 +74,7 @@ def _doubt_bridges(chain: Chain, observed: Observed, poses: Sequence[Array]) -> 
             "the rope may end, and something else go on"
         )
         place = chain.points[(start + stop) // 2]
-        yield Doubt("join", _BRIDGED_DOUBT * min(share, 1.0), "how the rope runs", reason, place)
+        yield Doubt("gap", _BRIDGED_DOUBT * min(share, 1.0), "how the rope runs", reason, place)
 
 
 def _doubt_facing_ends(observed: Observed, found: Found) -> Iterator[Doubt]:
@@ -96,7 +99,7 @@ def _doubt_facing_ends(observed: Observed, found: Found) -> Iterator[Doubt]:
                 f"another rope goes on in line with it, {length * radius * 1e3:.0f} mm away; they may be one "
                 "rope, if the depth between them is wrong"
             )
-            yield Doubt("end", _FACING_DOUBT * share, "where the rope ends", reason, end)
+            yield Doubt("gap", _FACING_DOUBT * share, "where the rope ends", reason, end)
 
 
 def _count_confirming(observed: Observed, found: Found, end: Array, target: Array, radius: float) -> int:

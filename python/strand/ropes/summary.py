@@ -1,0 +1,42 @@
+"""An answer in words: whether to act on it, the ropes, their crossings, and the greatest doubts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from strand.ropes.chain import Chain
+from strand.ropes.crossings import Crossing
+from strand.ropes.doubt import Doubt
+
+ACT_CONFIDENCE = 0.9
+"""Confidence from which on a robot may act: fewer than 1 in 100 of these answers are wrong."""
+LOOK_CONFIDENCE = 0.5
+"""Confidence below which an answer is no better than a guess."""
+
+_MAX_DOUBTS = 3  # in a summary
+
+
+def say_whether_to_act(confidence: float) -> str:
+    """Return a sentence that says whether to act on an answer with this confidence."""
+    if math.isnan(confidence):
+        return "Check it: the method does not say how sure the answer is."
+    sure = f"the ropes run as the chains say with probability {confidence:.2f}"
+    if confidence >= ACT_CONFIDENCE:
+        return f"Act on it: {sure}."
+    if confidence >= LOOK_CONFIDENCE:
+        return f"Look again before acting: {sure}."
+    return f"Do not act on it: {sure}."
+
+
+def summarize(
+    confidence: float, chains: Sequence[Chain], crossings: Sequence[Crossing], doubts: Sequence[Doubt]
+) -> str:
+    """Return lines: whether to act, each chain, each crossing, and the greatest doubts."""
+    lines = [say_whether_to_act(confidence)]
+    lines += [f"chain {number}: {chain!r}" for number, chain in enumerate(chains)]
+    lines += map(str, crossings)
+    lines += map(str, doubts[:_MAX_DOUBTS])
+    if len(doubts) > _MAX_DOUBTS:
+        lines.append(f"further doubts: {len(doubts) - _MAX_DOUBTS}")
+    return "\n".join(lines)
