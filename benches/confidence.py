@@ -28,10 +28,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lib.asked_scenes import KINDS
+from lib.judging import SURE
 from lib.posterior_fit import Example, fit_posterior
 from lib.records import record_answer
 from lib.reliability import (
-    SURE,
     draw_reliability,
     find_threshold,
     measure_area,
@@ -71,14 +71,16 @@ def main() -> int:
     if arguments.fit:
         write_fit(fit, fitted)
     print(f"{len(records)} answers, {len(fitted)} fitted, {len(held)} held out\n")
-    print_kinds("held out", held, say(held, lambda _: fit))
+    said, right = say(held, lambda _: fit)
+    print_kinds("held out", held, (said, right))
     print()
-    print_steps("confidence", STEPS, say(held, lambda _: fit))
+    print_steps("confidence", STEPS, (said, right))
     print()
-    print_thresholds(say(held, lambda _: fit))
+    print_thresholds((said, right))
     others = {kind: fit_all([one for one in records if one["kind"] != kind]) for kind in KINDS}
     print()
-    print_kinds("kind left out", records, say(records, lambda one: others[one["kind"]]))
+    left_out = say(records, lambda one: others[one["kind"]])
+    print_kinds("kind left out", records, left_out)
     print()
     crossings = say_crossings(held, fit)
     print_steps("crossings", np.linspace(0.0, 1.0, CROSSING_BINS + 1).round(3), crossings)
@@ -86,15 +88,9 @@ def main() -> int:
     chains = say_chains(held, fit)
     print(f"{len(chains[0])} chains, ECE {measure_calibration_error(*chains):.3f}")
     if arguments.picture:
-        groups = {
-            "answers": say(held, lambda _: fit),
-            "kinds left out": say(records, lambda one: others[one["kind"]]),
-            "crossings": crossings,
-        }
-        kinds = {
-            kind: say([one for one in held if one["kind"] == kind], lambda _: fit)
-            for kind in sorted({one["kind"] for one in held})
-        }
+        groups = {"answers": (said, right), "kinds left out": left_out, "crossings": crossings}
+        kind_of = np.array([one["kind"] for one in held])
+        kinds = {str(kind): (said[kind_of == kind], right[kind_of == kind]) for kind in np.unique(kind_of)}
         draw_reliability(groups, kinds, arguments.picture)
     return 0
 

@@ -73,7 +73,7 @@ class Given:
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """What the caller knows of the ropes, as keyword arguments of `strand.reconstruct`."""
+        """Keyword arguments of `strand.reconstruct`: the caller's knowledge of the ropes."""
         known = {"ropes": self.ropes, "length": self.length}
         given = {name: value for name, value in known.items() if value is not None}
         return {"radius": self.radius, "bounds": self.scene.bounds, **given}

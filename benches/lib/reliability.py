@@ -11,10 +11,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import rankdata
 
+from lib.judging import SURE
+
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-SURE = 0.9  # probability from which on an answer is sure
 BINS = 10  # of equal width, in which said and right are compared
 
 

@@ -26,7 +26,7 @@ from strand.reconstruction.orientation import oriented
 from strand.reconstruction.stages import Found, Run
 from strand.reconstruction.upwards import find_up
 from strand.ropes.chain import Chain
-from strand.ropes.doubt import Alternative, Doubt
+from strand.ropes.doubt import Doubt
 from strand.ropes.model import Model
 from strand.ropes.posterior import load_posterior
 from strand.support.checks import Array
@@ -86,7 +86,9 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
         confidence, *others = (
             load_posterior("answers").compute(evidence, measure_bound(doubts), costs).tolist()
         )
-        alternatives = tuple(map(_add_probability, alternatives, others))
+        alternatives = tuple(
+            replace(other, probability=said) for other, said in zip(alternatives, others, strict=True)
+        )
         chains = _add_confidence(chains, shapes, assign_doubts(chains, doubts, against), how)
     return Model(
         tuple(chains),
@@ -158,10 +160,6 @@ def _describe_circumstances(scene: Scene, found: Found, hints: Hints, run: Run) 
         knows_ropes=hints.prior.ropes is not None,
         knows_lengths=bool(hints.prior.lengths),
     )
-
-
-def _add_probability(other: Alternative, probability: float) -> Alternative:
-    return replace(other, probability=probability)
 
 
 def _add_confidence(

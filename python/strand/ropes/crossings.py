@@ -14,7 +14,7 @@ from strand.geometry.frames import check_direction
 from strand.geometry.line import Line
 from strand.ropes.clearance import find_least_distances
 from strand.ropes.doubt import Doubt
-from strand.ropes.order import estimate_order_probability
+from strand.ropes.order import estimate_order_probability, measure_order
 from strand.support.checks import (
     Array,
     check_fraction_or_nan,
@@ -133,7 +133,8 @@ def find_crossings(
         sd = np.sqrt(np.maximum(variance, 0.0)) / lever
     radii = np.array([chain.radius for chain in chains])[number].sum(axis=0)
     gap = _measure_gap(chains, number, at, height, radii)
-    probability = estimate_order_probability(height, sd, radii, angle, point.mean(axis=0), doubts, confidence)
+    evidence = measure_order(height, sd, radii, angle, point.mean(axis=0), doubts)
+    probability = estimate_order_probability(evidence, confidence)
     found = []
     for k in range(len(height)):
         over, under = (upper[k], k), (1 - upper[k], k)

@@ -23,34 +23,17 @@ _MAX_CUT = 1.0  # both radii: strands that cut deeper into each other count no m
 _FLAT_ANGLE = 0.5  # radians: strands that cross at less may only touch
 
 
-def estimate_order_probability(
-    height: Array,
-    sd: Array,
-    radii: Array,
-    angle: Array,
-    place: Array,
-    doubts: Sequence[Doubt],
-    confidence: float,
-) -> Array:
+def estimate_order_probability(evidence: Mapping[str, ArrayLike], confidence: float) -> Array:
     """Return the probabilities (K,) that crossings are real and their orders right.
 
     Parameters
     ----------
-    height, sd : (K,) ndarray
-        Height of the upper axis above the lower one, 0 or above, and its standard deviation, metres. NaN
-        counts as half of both radii.
-    radii : (K,) ndarray
-        Sums of both ropes' radii, metres.
-    angle : (K,) ndarray
-        Angles between the strands, radians.
-    place : (K, 3) ndarray
-        Places of the crossings, metres.
-    doubts : sequence of Doubt
-        Those without a place count nowhere.
+    evidence : mapping of str to (K,) array_like
+        Of `measure_order`.
     confidence : float
         The model's; NaN if unknown.
     """
-    evidence = add_confidence(measure_order(height, sd, radii, angle, place, doubts), confidence)
+    evidence = add_confidence(evidence, confidence)
     return np.asarray(load_posterior("crossings").compute(evidence, bound_order(evidence))[0])
 
 
@@ -74,8 +57,24 @@ def measure_order(
     place: Array,
     doubts: Sequence[Doubt],
 ) -> dict[str, Array]:
-    """Return the evidence (K,) about crossings by name, see `estimate_order_probability`.
+    """Return the evidence (K,) about crossings by name.
 
+    Parameters
+    ----------
+    height, sd : (K,) ndarray
+        Height of the upper axis above the lower one, 0 or above, and its standard deviation, metres. NaN
+        counts as half of both radii.
+    radii : (K,) ndarray
+        Sums of both ropes' radii, metres.
+    angle : (K,) ndarray
+        Angles between the strands, radians.
+    place : (K, 3) ndarray
+        Places of the crossings, metres.
+    doubts : sequence of Doubt
+        Those without a place count nowhere.
+
+    Notes
+    -----
     Ropes do not pass through each other: a true height is at least both radii r, or at most -r. Normal errors
     of width s weigh how well the measured height h agrees with either:
 
