@@ -13,6 +13,7 @@ from strand.synthetic.rendering import render_depth
 from strand.synthetic.rough_scenes import ROUGH, rough_scene
 from strand.synthetic.scenes import SyntheticScene, scene
 from strand.synthetic.segmentation import Segmentation
+from strand.synthetic.sequences import SEQUENCES, SequenceFrame, SyntheticSequence, sequence
 from strand.synthetic.shapes import SHAPES, shape
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "COLOR_KINDS",
     "FRAMES",
     "ROUGH",
+    "SEQUENCES",
     "SHAPES",
     "Camera",
     "ColorScene",
@@ -28,7 +30,9 @@ __all__ = [
     "Noise",
     "Paint",
     "Segmentation",
+    "SequenceFrame",
     "SyntheticScene",
+    "SyntheticSequence",
     "camera_pose",
     "cluttered_scene",
     "color_scene",
@@ -39,5 +43,6 @@ __all__ = [
     "rough_scene",
     "scene",
     "sense",
+    "sequence",
     "shape",
 ]

@@ -92,12 +92,12 @@ def add_objects(depth: Array, objects: list[Object], intrinsics: Array, pose: Ar
     rays = Pinhole.from_matrix(intrinsics).cast_rays(rows, columns) @ pose[:3, :3].T
     nearest = np.where(depth > 0, depth, np.inf)
     for item in objects:
-        nearest = np.minimum(nearest, _cast(item, pose[:3, 3], rays))
+        nearest = np.minimum(nearest, cast_rays(item, pose[:3, 3], rays))
     return np.where(np.isfinite(nearest), nearest, 0.0)
 
 
-def _cast(item: Object, start: Array, rays: Array) -> Array:
-    """Return the (H, W) parameters at which rays first hit an object; infinite where they miss it."""
+def cast_rays(item: Object, start: Array, rays: Array) -> Array:
+    """Return the (...) parameters at which rays (..., 3) first hit an object; infinite where they miss it."""
     with np.errstate(divide="ignore", invalid="ignore"):
         match item:
             case Box():
