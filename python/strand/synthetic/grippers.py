@@ -8,11 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from strand.support.checks import Array
-from strand.synthetic.objects import Box, Object
+from strand.synthetic.objects import Box
 
 _FINGER = 0.008  # metres: thickness of a finger
 _FINGER_LENGTH = 0.045  # metres: height of a finger
 _PALM = (0.03, 0.05, 0.06)  # metres: length along the rope, width and height of the palm
+GRIPPER_HEIGHT = _FINGER_LENGTH + _PALM[2]
+"""Height of a gripper above the rope's axis, metres."""
+
 _OPEN = 0.008  # metres by which an open gripper's fingers are farther apart, on each side
 _RAMP = 0.4  # share of a movement's time in which it gets faster, and again slower
 
@@ -77,7 +80,7 @@ class GripperPath:
         pose[:3, 3] = [np.interp(time, self.times, axis) for axis in self.places.T]
         return Gripper(pose, self.rope, self.s, time < self.release)
 
-    def make_objects(self, time: float, radius: float) -> list[Object]:
+    def make_objects(self, time: float, radius: float) -> list[Box]:
         """Return its fingers, the jaw above the rope and its palm, for a rope of a radius in metres."""
         state = self.find_state(time)
         turn = float(np.interp(time, self.times, self.turns))
@@ -87,7 +90,7 @@ class GripperPath:
         aside = radius + 0.5 * _FINGER + (0.0 if state.holds else _OPEN)
         middle, length = 0.5 * (bottom + top), 2.0 * self.half
         x, y = float(place[0]), float(place[1])
-        fingers: list[Object] = [
+        fingers: list[Box] = [
             Box(
                 (x + side * aside * float(across[0]), y + side * aside * float(across[1]), middle),
                 (length, _FINGER, top - bottom),

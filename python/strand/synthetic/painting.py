@@ -156,8 +156,12 @@ def render_color(
     rng: np.random.Generator,
     things: Sequence[Thing] = (),
     table: float = 3.0,
+    slope: tuple[float, float] | None = None,
 ) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
-    """Return the (H, W, 3) colours and (H, W) labels of ropes on a table of a side in metres, and things."""
+    """Return the (H, W, 3) colours and (H, W) labels of ropes on a table of a side in metres, and things.
+
+    `slope` says how the light varies over the image, across and down. By default it is drawn.
+    """
     ropes = [np.asarray(chain, dtype=np.float64) for chain in chains]
     fine, fine_size = make_finer(intrinsics, check_size(size))
     nearest = render_depth([], [], fine, pose, fine_size, table)
@@ -181,7 +185,8 @@ def render_color(
     for number, thing in enumerate(things, len(ropes) + 1):
         own = owner == number
         colors[own] = _light_surface(points, own, light)[:, None] * np.asarray(thing.color)
-    across = (columns * rng.normal() / fine_size[0] + rows * rng.normal() / fine_size[1])[..., None]
+    right, down = (rng.normal(), rng.normal()) if slope is None else slope
+    across = (columns * right / fine_size[0] + rows * down / fine_size[1])[..., None]
     colors *= 1.0 + _SLOPE * (across - across.mean())
     color = _average(np.clip(colors, 0.0, 1.0))
     color = np.clip(color + rng.normal(0.0, 1.0, color.shape) * paint.noise, 0.0, 1.0)

@@ -7,6 +7,7 @@ for each set of held nodes. The lengths of a rope are a tridiagonal system.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -14,17 +15,18 @@ from numpy.typing import NDArray
 
 from strand.support.checks import Array
 
-STEP = 1.0 / 600.0
+STEP = 1.0 / 480.0
 """Time between two states of the simulation, seconds."""
 
 _GRAVITY = 9.81  # m / s^2
-_STIFFNESS = 4e-4  # m^4 / s^2: bending stiffness over mass per length; ropes bend at 34 mm by their weight
-_BEND_DAMPING = 0.02  # seconds: how fast bends come to rest
-_DRAG = 0.8  # 1 / s: of the air
+_STIFFNESS = 5e-4  # m^4 / s^2: bending stiffness over mass per length; its weight bends 40 mm of rope
+_MAX_TURN = math.radians(28.0)  # radians: between neighbouring segments
+_BEND_DAMPING = 0.001  # seconds: damping over stiffness; more would let friction hold zigzags
+_DRAG = 1.5  # 1 / s: of the air
 _SETTLE_DRAG = 6.0  # 1 / s: while a rope comes to rest before the first frame
 _FRICTION = 0.5  # of a rope on the table
 _STRAND_FRICTION = 0.2  # of a strand on another one
-_ITERATIONS = 3  # per step, of lengths and contacts
+_ITERATIONS = 2  # per step, of lengths and contacts
 _COMPLIANCE = 1e-5  # of the lengths, relative: keeps straight ropes between two grippers solvable
 _SAME_STRAND = 3.5  # radii of rope within which nodes do not collide
 _LOOK_EVERY = 4  # steps between searches for strands that are near each other
@@ -97,8 +99,10 @@ class _Motion:
         self.first, self.second = joined, joined + 1
         self.lengths = np.asarray(spacings)[numbers[joined]]
         self.follows = (self.first[1:] == self.second[:-1]).astype(np.float64)
+        self.before_bends = joined[:-1][np.diff(joined) == 1]
+        self.widths = 2.0 * math.cos(0.5 * _MAX_TURN) * np.asarray(spacings)[numbers[self.before_bends]]
         self.rope_bends = np.zeros((count, count))
-        for i in joined[:-1][np.diff(joined) == 1]:
+        for i in self.before_bends:
             row = np.zeros(count)
             row[i : i + 3] = 1.0, -2.0, 1.0
             self.rope_bends += _STIFFNESS / np.asarray(spacings)[numbers[i]] ** 4 * np.outer(row, row)
@@ -123,6 +127,7 @@ class _Motion:
             self.pairs = self._find_pairs()
         self.steps += 1
         for _ in range(_ITERATIONS):
+            self._limit_bends(weights)
             self._part_strands(before, weights)
             self._leave_table(before, weights)
             self._keep_lengths(weights)
@@ -150,6 +155,23 @@ class _Motion:
         reach = (2.0 + _REACH) * self.radius + self.lengths.max()
         a, b = np.nonzero((away < reach**2) & self.may_touch)
         return a, b
+
+    def _limit_bends(self, weights: Array) -> None:
+        """Move the neighbours of nodes apart where the rope turns too sharply."""
+        first, last = self.before_bends, self.before_bends + 2
+        ways = self.nodes[last] - self.nodes[first]
+        widths = np.linalg.norm(ways, axis=1)
+        sharp = np.flatnonzero(widths < self.widths)
+        if not len(sharp):
+            return
+        first, last = first[sharp], last[sharp]
+        total = np.maximum(weights[first] + weights[last], 1.0)
+        size = (self.widths[sharp] - widths[sharp]) / (total * np.maximum(widths[sharp], 1e-9))
+        push = 0.5 * size[:, None] * ways[sharp]
+        change = np.zeros_like(self.nodes)
+        np.add.at(change, first, -push)
+        np.add.at(change, last, push)
+        self.nodes += weights[:, None] * change
 
     def _part_strands(self, before: Array, weights: Array) -> None:
         """Move segments apart that are nearer than two radii."""

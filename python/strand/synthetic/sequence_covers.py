@@ -1,4 +1,4 @@
-"""Bodies that come between the cameras and ropes for a while: a bar, a plate, or nothing but lost images."""
+"""Bodies that come between a camera and ropes for a while: a bar, a post, a plate; or empty images."""
 
 from __future__ import annotations
 
@@ -9,19 +9,22 @@ import numpy as np
 
 from strand.support.checks import Array
 from strand.synthetic.grippers import ease
-from strand.synthetic.objects import Box, Object, cast_rays
+from strand.synthetic.objects import Box, cast_rays
 
-_BAR_LENGTH = 0.9  # metres
-_BAR_HEIGHT = 0.02  # metres: thickness of the bar and of the plate
-_BAR_ABOVE = (0.1, 0.16)  # metres: of the bar above the highest place of ropes and grippers
-_BAR_SHARES = (0.3, 0.5)  # of the rope that the bar hides, on average
-_BAR_WIDTHS = np.linspace(0.03, 0.3, 55)  # metres
-_BAR_STAY = (0.6, 1.4)  # seconds in which the bar hides the rope
-_BAR_MOVE = 0.25  # seconds in which the bar comes, or goes
-_BAR_BEGIN = (0.5, 0.9)  # seconds: the bar begins to come
+_LENGTH = 0.9  # metres: of the bar, and of the post
+_THICKNESS = 0.02  # metres: of the bar, the post and the plate
+_ABOVE = (0.1, 0.16)  # metres: of the bar above the highest place of grippers
+_BEFORE = 0.55  # place of the post on the way from the camera to the rope's middle
+_SHARES = (0.3, 0.5)  # of the rope that the bar or the post hides, on average
+_WIDTHS = np.linspace(0.02, 0.3, 57)  # metres: of the bar, or the post
+_STAY = (0.6, 1.4)  # seconds in which it stays
+_MOVE = 0.25  # seconds in which it comes, or goes
+_BEGIN = (0.5, 0.9)  # seconds: it begins to come
+_AWAY = 1.5  # metres to where it comes from
 _PLATE_SIDE = 3.0  # metres
 _PLATE_MOVE = 0.1  # seconds
-_DARK = (0.5, 1.0)  # seconds in which nothing is seen
+_DARK = (0.55, 0.95)  # seconds in which nothing is seen
+_DARK_BEGIN = (0.7, 1.3)  # seconds: nothing is seen from then on
 
 
 @dataclass(frozen=True)
@@ -32,8 +35,8 @@ class Cover:
     ----------
     box : Box or None
         Where it stays; None if images are empty.
-    way : (float, float)
-        From there to where it comes from and goes to, metres along x and y.
+    way : (float, float, float)
+        From there to where it comes from and goes to, metres.
     arrives, leaves : float
         Times between which it stays, seconds.
     move : float
@@ -41,7 +44,7 @@ class Cover:
     """
 
     box: Box | None
-    way: tuple[float, float]
+    way: tuple[float, float, float]
     arrives: float
     leaves: float
     move: float
@@ -50,52 +53,72 @@ class Cover:
         """Tell whether the image at a time shows nothing at all."""
         return self.box is None and self.arrives <= time < self.leaves
 
-    def make_objects(self, time: float) -> list[Object]:
+    def make_objects(self, time: float) -> list[Box]:
         """Return the box at a time, seconds; none while it is away."""
         away = max(self.arrives - time, time - self.leaves, 0.0) / self.move
         if self.box is None or away >= 1.0:
             return []
         share = float(ease(np.array([away]))[0])
         x, y, z = self.box.center
-        moved = (x + share * self.way[0], y + share * self.way[1], z)
+        moved = (x + share * self.way[0], y + share * self.way[1], z + share * self.way[2])
         return [Box(moved, self.box.size, self.box.turn)]
 
 
 def draw_blackout(rng: np.random.Generator, highest: float, empty: bool) -> Cover:
     """Return a plate above `highest`, metres, that hides all, or empty images."""
-    arrives = float(rng.uniform(0.7, 1.3))
+    arrives = float(rng.uniform(*_DARK_BEGIN))
     leaves = arrives + float(rng.uniform(*_DARK))
     if empty:
-        return Cover(None, (0.0, 0.0), arrives, leaves, _PLATE_MOVE)
-    plate = Box((0.0, 0.0, highest + 0.02), (_PLATE_SIDE, _PLATE_SIDE, _BAR_HEIGHT))
-    # the rope is hidden for a part of its coming and going, too
-    return Cover(plate, (0.0, _PLATE_SIDE), arrives + 0.05, leaves - 0.05, _PLATE_MOVE)
+        return Cover(None, (0.0, 0.0, 0.0), arrives, leaves, _PLATE_MOVE)
+    plate = Box((0.0, 0.0, highest + _THICKNESS), (_PLATE_SIDE, _PLATE_SIDE, _THICKNESS))
+    # all of the rope is hidden for a part of the plate's coming and going, too
+    shorter = 0.5 * _PLATE_MOVE
+    return Cover(plate, (0.0, _PLATE_SIDE, 0.0), arrives + shorter, leaves - shorter, _PLATE_MOVE)
 
 
 def draw_bar(
     rng: np.random.Generator, times: Array, nodes: list[Array], highest: float, camera: Array
 ) -> Cover:
-    """Return a bar above `highest`, metres, that hides a part of a rope from a camera's centre.
+    """Return a bar that lies in the air above `highest`, metres, and hides a part of a rope from a camera.
 
-    `nodes` are those of the rope at each time.
+    `nodes` are those of the rope at each time, and `camera` is the camera's centre.
     """
-    arrives = float(rng.uniform(*_BAR_BEGIN)) + _BAR_MOVE
-    leaves = arrives + float(rng.uniform(*_BAR_STAY))
-    share = float(rng.uniform(*_BAR_SHARES))
-    height = highest + float(rng.uniform(*_BAR_ABOVE))
-    seen = [rope for time, rope in zip(times, nodes, strict=True) if arrives <= time <= leaves]
+    arrives, leaves, seen = _draw_stay(rng, times, nodes)
     middle = np.mean([rope[len(rope) // 2] for rope in seen], axis=0)
-    # the bar runs from the camera's side away over the rope, and comes from behind
-    behind = math.atan2(-camera[1], -camera[0])
-    turn = behind + float(rng.uniform(-0.25, 0.25))
+    height = highest + float(rng.uniform(*_ABOVE))
     place = camera + (middle - camera) * (height - camera[2]) / (middle[2] - camera[2])
+    turn = math.atan2(-camera[1], -camera[0]) + float(rng.uniform(-0.25, 0.25))
     center = (float(place[0]), float(place[1]), height)
-    best, least = Box(center, (_BAR_LENGTH, float(_BAR_WIDTHS[0]), _BAR_HEIGHT), turn), math.inf
-    for width in _BAR_WIDTHS:
-        bar = Box(center, (_BAR_LENGTH, float(width), _BAR_HEIGHT), turn)
-        hidden = [np.mean(cast_rays(bar, camera, rope - camera) < 1.0) for rope in seen]
-        miss = abs(float(np.mean(hidden)) - share)
-        if miss < least:
-            best, least = bar, miss
-    way = (2.0 * math.cos(turn), 2.0 * math.sin(turn))
-    return Cover(best, way, arrives, leaves, _BAR_MOVE)
+    bars = [Box(center, (_LENGTH, float(width), _THICKNESS), turn) for width in _WIDTHS]
+    bar = _choose_box(bars, seen, camera, float(rng.uniform(*_SHARES)))
+    # it comes from behind, and points at the camera
+    return Cover(bar, (_AWAY * math.cos(turn), _AWAY * math.sin(turn), 0.0), arrives, leaves, _MOVE)
+
+
+def draw_post(rng: np.random.Generator, times: Array, nodes: list[Array], camera: Array) -> Cover:
+    """Return an upright post before a rope in the air, which it hides a part of, see `draw_bar`."""
+    arrives, leaves, seen = _draw_stay(rng, times, nodes)
+    middle = np.mean([rope[len(rope) // 2] for rope in seen], axis=0)
+    place = camera + _BEFORE * (middle - camera)
+    turn = math.atan2(middle[1] - camera[1], middle[0] - camera[0])
+    center = (float(place[0]), float(place[1]), float(place[2]))
+    posts = [Box(center, (_THICKNESS, float(width), _LENGTH), turn) for width in _WIDTHS]
+    post = _choose_box(posts, seen, camera, float(rng.uniform(*_SHARES)))
+    return Cover(post, (0.0, 0.0, _AWAY), arrives, leaves, _MOVE)
+
+
+def _draw_stay(
+    rng: np.random.Generator, times: Array, nodes: list[Array]
+) -> tuple[float, float, list[Array]]:
+    """Return when a box arrives and leaves, seconds, and a rope's nodes at the times between."""
+    arrives = float(rng.uniform(*_BEGIN)) + _MOVE
+    leaves = arrives + float(rng.uniform(*_STAY))
+    seen = [rope for time, rope in zip(times, nodes, strict=True) if arrives <= time <= leaves]
+    return arrives, leaves, seen
+
+
+def _choose_box(boxes: list[Box], ropes: list[Array], camera: Array, share: float) -> Box:
+    """Return the box that hides a share of the ropes' nodes, on average, as nearly as one does."""
+    rays = np.concatenate(ropes) - camera
+    misses = [abs(float(np.mean(cast_rays(box, camera, rays) < 1.0)) - share) for box in boxes]
+    return boxes[int(np.argmin(misses))]

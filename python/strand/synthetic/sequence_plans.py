@@ -22,13 +22,15 @@ _REST = (0.21, 0.3)  # seconds: range of the time before the first movement
 _HALF = (0.005, 0.0085)  # metres: half the length of rope between the fingers
 _TAIL = 0.004  # metres of rope beyond the fingers
 _CARRY_SPEED = (0.25, 0.5)  # m / s: greatest speed of a gripper over the table
+_END = 2.75  # seconds: movements over the table end
 _LIFT = (0.03, 0.06)  # metres: height of an end that is carried
-_WAVE_SPEED = (0.85, 1.2)  # m / s: greatest speed of grippers that wave
-_WAVE_RATES = (1.1, 1.7)  # Hz
+_LEAVE = 0.4  # seconds in which an open gripper goes away
+_WAVE_SPEED = (0.8, 1.1)  # m / s: greatest speed of grippers that wave
+_WAVE_RATES = (1.5, 2.0)  # Hz: faster than the rope swings by itself
 _WAVE_HEIGHT = 0.36  # metres: of the grippers above the table
 _WAVE_END = 2.7  # seconds: the grippers come to rest
 _WAVE_RAMP = 0.5  # seconds: in which waving begins, and ends
-_TABLE_SETTLE = 0.5  # seconds: for ropes on the table to come to rest
+_TABLE_SETTLE = 0.8  # seconds: for ropes on the table to come to rest
 _AIR_SETTLE = 1.2  # seconds: the same, for ropes in the air
 _TABLE_ELEVATIONS = (math.radians(50.0), math.radians(78.0))  # radians: of cameras over a table
 _AIR_ELEVATIONS = (math.radians(25.0), math.radians(45.0))  # radians: of cameras before a rope in the air
@@ -67,7 +69,9 @@ def plan_sequence(kind: str, rng: np.random.Generator) -> Plan:
             plan = Plan(radius, (nodes,), (spacing,), (), _draw_elevation(rng))
         case _:
             plan = _plan_carry(rng, radius)
-    return _turn_plan(plan, float(rng.uniform(-_MAX_TURN, _MAX_TURN)), bool(rng.random() < 0.5))
+    # the gripper of `unloop` stands behind the crossing, which it would hide otherwise
+    mirror = bool(rng.random() < 0.5) or kind == "unloop"
+    return _turn_plan(plan, float(rng.uniform(-_MAX_TURN, _MAX_TURN)), mirror)
 
 
 def _draw_elevation(rng: np.random.Generator) -> float:
@@ -127,39 +131,43 @@ def _follow(
     """Return a movement along corners (K, 4) of places and turns, with a greatest speed, m / s."""
     line = smooth_corners(corners)
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line[:, :3], axis=0), axis=1))])
+    # a long way ends earlier
     duration = find_duration(float(along[-1]), speed)
+    way = float(along[-1]) * min(1.0, (_END - begin) / duration)
+    duration = find_duration(way, speed)
     times = np.arange(0.0, DURATION + 1.0, STEP)
-    at = along[-1] * ease((times - begin) / duration)
+    at = way * ease((times - begin) / duration)
     path = np.column_stack([np.interp(at, along, axis) for axis in line.T])
     release = math.inf
     if released:
         release = begin + duration + 0.1
-        path[:, 2] += 0.08 * ease((times - release - 0.05) / 0.5)
+        # it goes up and away from the rope's end
+        leave = ease((times - release - 0.05) / _LEAVE)
+        path[:, 0] += 0.06 * np.cos(path[-1, 3]) * leave
+        path[:, 1] += 0.06 * np.sin(path[-1, 3]) * leave
+        path[:, 2] += 0.08 * leave
     return GripperPath(rope, s, half, times, path[:, :3], path[:, 3], release)
 
 
 def _plan_carry(rng: np.random.Generator, radius: float) -> Plan:
-    """Return a plan in which an end is carried sideways over the table."""
+    """Return a plan in which an end is carried over the table, to one side of the rope and to the other."""
     nodes, spacing = _lay_wavy(rng, float(rng.uniform(0.4, 0.7)), radius)
     nodes[:, 1] -= 0.06
     s, half, start = _grip_end(rng, nodes, spacing)
     side = float(rng.choice([-1.0, 1.0]))
-    way = start[3] + side * float(rng.uniform(0.9, 2.0))
-    reach, lift = float(rng.uniform(0.22, 0.36)), float(rng.uniform(*_LIFT))
-    onward = way + side * float(rng.uniform(0.2, 0.9))
-    turn = side * float(rng.uniform(0.4, 1.2))
-    first = 0.5 * reach * np.array([math.cos(way), math.sin(way)])
-    second = first + 0.5 * reach * np.array([math.cos(onward), math.sin(onward)])
-    corners = start + np.array(
-        [
-            [0.0, 0.0, 0.0, 0.0],
-            [0.0, 0.0, lift, 0.0],
-            [*first, lift, 0.5 * turn],
-            [*second, lift, turn],
-            [*second, 0.005, turn],
-        ]
-    )
-    path = _follow(0, s, half, corners, float(rng.uniform(*_REST)), float(rng.uniform(*_CARRY_SPEED)))
+    lift, speed = float(rng.uniform(*_LIFT)), float(rng.uniform(*_CARRY_SPEED))
+    # around a place of the rope, at a distance that the rope has, less some slack
+    center = nodes[round(float(rng.uniform(0.35, 0.5)) * len(nodes))]
+    away = start[:3] - center
+    angle, reach = math.atan2(away[1], away[0]), math.hypot(away[0], away[1])
+    sweep, back = float(rng.uniform(0.7, 1.2)), float(rng.uniform(1.0, 1.8))
+    corners = [start, start + np.array([0.0, 0.0, lift, 0.0])]
+    for turn in (0.5 * sweep, sweep, sweep - 0.5 * back, sweep - back):
+        size, way = reach * float(rng.uniform(0.8, 1.0)), angle + side * turn
+        place = center[:2] + size * np.array([math.cos(way), math.sin(way)])
+        corners.append(np.array([*place, radius + lift, start[3] + 0.7 * side * turn]))
+    corners.append(corners[-1] + np.array([0.0, 0.0, 0.005 - lift, 0.0]))
+    path = _follow(0, s, half, np.array(corners), float(rng.uniform(*_REST)), speed)
     return Plan(radius, (nodes,), (spacing,), (path,), _draw_elevation(rng))
 
 
@@ -171,7 +179,7 @@ def _plan_slide(rng: np.random.Generator, radius: float) -> Plan:
     s, half, start = _grip_end(rng, nodes, spacing)
     way = reach * np.array([math.cos(start[3]), math.sin(start[3]), 0.0, 0.0])
     corners = np.array([start, start + 0.5 * way, start + way])
-    path = _follow(0, s, half, corners, float(rng.uniform(*_REST)), float(rng.uniform(0.15, 0.35)))
+    path = _follow(0, s, half, corners, float(rng.uniform(*_REST)), float(rng.uniform(0.15, 0.3)))
     return Plan(radius, (nodes,), (spacing,), (path,), _draw_elevation(rng))
 
 
@@ -236,7 +244,7 @@ def _plan_loop(rng: np.random.Generator, radius: float, undo: bool) -> Plan:
             [-3.4 * bend, 1.2 * bend, lift, 1.3 * math.pi],
             [-1.9 * bend, -0.9 * bend, lift, 1.8 * math.pi],
             laid + top,
-            laid + [0.0, 0.0, 0.002, 0.0],
+            laid + np.array([0.0, 0.0, 0.002, 0.0]),
         ]
     )
     speed = float(rng.uniform(0.3, 0.45))
@@ -264,14 +272,15 @@ def _plan_wave(rng: np.random.Generator, radius: float) -> Plan:
     begin = float(rng.uniform(*_REST))
     fade = ease((times - begin) / _WAVE_RAMP) * ease((_WAVE_END - times) / _WAVE_RAMP)
     speed, rate = float(rng.uniform(*_WAVE_SPEED)), float(rng.uniform(*_WAVE_RATES))
-    paths = []
+    phases, paths = rng.uniform(0.0, 2.0 * math.pi, 3), []
     for first in (True, False):
         s, half, start = _grip_end(rng, nodes, spacing, first)
         start[3] = 0.5 * math.pi
         way = np.zeros((len(times), 3))
         # across, along and up; along is least, as it would pull the rope tight
-        for axis, size in enumerate((1.0, 0.35, 0.8)):
-            own, phase = rate * float(rng.uniform(0.85, 1.15)), float(rng.uniform(0.0, 2.0 * math.pi))
+        for axis, size in enumerate((0.3, 0.15, 1.0)):
+            # both grippers move alike on the whole, as the rope would be pulled tight otherwise
+            own, phase = rate * float(rng.uniform(0.95, 1.05)), phases[axis] + float(rng.uniform(-0.5, 0.5))
             swing = np.sin(2.0 * math.pi * own * (times - begin) + phase)
             way[:, axis] = size * float(rng.uniform(0.7, 1.0)) * fade * swing
         greatest = np.linalg.norm(np.diff(way, axis=0), axis=1).max() / STEP
