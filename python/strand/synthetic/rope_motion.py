@@ -27,6 +27,8 @@ _SETTLE_DRAG = 6.0  # 1 / s: while a rope comes to rest before the first frame
 _FRICTION = 0.5  # of a rope on the table
 _STRAND_FRICTION = 0.2  # of a strand on another one
 _ITERATIONS = 2  # per step, of lengths and contacts
+_MORE_ITERATIONS = 3  # at most, of lengths
+_MAX_STRETCH = 0.004  # of the length between nodes; more needs another iteration
 _COMPLIANCE = 1e-5  # of the lengths, relative: keeps straight ropes between two grippers solvable
 _SAME_STRAND = 3.5  # radii of rope within which nodes do not collide
 _LOOK_EVERY = 4  # steps between searches for strands that are near each other
@@ -130,7 +132,11 @@ class _Motion:
             self._limit_bends(weights)
             self._part_strands(before, weights)
             self._leave_table(before, weights)
-            self._keep_lengths(weights)
+            stretch = self._keep_lengths(weights)
+        for _ in range(_MORE_ITERATIONS):
+            if stretch < _MAX_STRETCH:
+                break
+            stretch = self._keep_lengths(weights)
         self.nodes[:, 2] = np.where(weights > 0, np.maximum(self.nodes[:, 2], self.radius), self.nodes[:, 2])
         self.velocity = (self.nodes - before) / STEP
         speed = np.linalg.norm(self.velocity, axis=1, keepdims=True)
@@ -209,8 +215,8 @@ class _Motion:
         most = np.maximum(np.hypot(moved[:, 0], moved[:, 1]), 1e-15)
         self.nodes[:, :2] -= np.minimum(1.0, _FRICTION * deep / most)[:, None] * moved
 
-    def _keep_lengths(self, weights: Array) -> None:
-        """Move nodes to their distances from their neighbours, by one Newton step."""
+    def _keep_lengths(self, weights: Array) -> float:
+        """Move nodes to their distances from their neighbours by one Newton step; return the stretch before."""
         ways = self.nodes[self.second] - self.nodes[self.first]
         lengths = np.linalg.norm(ways, axis=1)
         ways /= lengths[:, None]
@@ -222,6 +228,7 @@ class _Motion:
         change = pulls[:, None] * ways
         self.nodes[self.first] += weight_first[:, None] * change
         self.nodes[self.second] -= weight_second[:, None] * change
+        return float(np.abs(lengths / self.lengths - 1.0).max())
 
 
 def _solve_tridiagonal(diagonal: list[float], beside: list[float], right: list[float]) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,9 +23,12 @@ _HALF = (0.005, 0.0085)  # metres: half the length of rope between the fingers
 _TAIL = 0.004  # metres of rope beyond the fingers
 _CARRY_SPEED = (0.25, 0.5)  # m / s: greatest speed of a gripper over the table
 _END = 2.75  # seconds: movements over the table end
+_WHOLE_END = 2.3  # seconds: the same, of those that must not end before
 _LIFT = (0.03, 0.06)  # metres: height of an end that is carried
-_LEAVE = 0.4  # seconds in which an open gripper goes away
+_LEAVE_WAY = (0.15, 0.06)  # metres that an open gripper goes away from the rope's end, and up
+_LEAVE = 0.5  # seconds in which an open gripper goes away
 _WAVE_SPEED = (0.8, 1.1)  # m / s: greatest speed of grippers that wave
+_WAVE_FASTEST = 1.45  # m / s: greatest speed of a rope that is waved
 _WAVE_RATES = (1.5, 2.0)  # Hz: faster than the rope swings by itself
 _WAVE_HEIGHT = 0.36  # metres: of the grippers above the table
 _WAVE_END = 2.7  # seconds: the grippers come to rest
@@ -42,6 +45,7 @@ class Plan:
     """Ropes, the grippers that move them, and the cameras' elevation, radians.
 
     Lengths are in metres, in the world frame. `settle` is the time to come to rest at first, seconds.
+    `fastest` is the greatest speed that nodes may have, m / s.
     """
 
     radius: float
@@ -50,6 +54,15 @@ class Plan:
     grippers: tuple[GripperPath, ...]
     elevation: float
     settle: float = _TABLE_SETTLE
+    fastest: float = math.inf
+
+    def make_smaller(self, factor: float) -> Plan:
+        """Return the plan with movements of grippers that are smaller by a factor."""
+        paths = tuple(
+            replace(path, places=path.places[0] + factor * (path.places - path.places[0]))
+            for path in self.grippers
+        )
+        return replace(self, grippers=paths)
 
 
 def plan_sequence(kind: str, rng: np.random.Generator) -> Plan:
@@ -127,25 +140,30 @@ def _follow(
     begin: float,
     speed: float,
     released: bool = False,
+    whole: bool = False,
 ) -> GripperPath:
-    """Return a movement along corners (K, 4) of places and turns, with a greatest speed, m / s."""
+    """Return a movement along corners (K, 4) of places and turns, with a greatest speed, m / s.
+
+    The movement ends early if it is long. If it must be the `whole` one, it is faster.
+    """
     line = smooth_corners(corners)
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line[:, :3], axis=0), axis=1))])
-    # a long way ends earlier
-    duration = find_duration(float(along[-1]), speed)
-    way = float(along[-1]) * min(1.0, (_END - begin) / duration)
+    way, most = float(along[-1]), (_WHOLE_END if whole else _END) - begin
+    too_long = max(find_duration(way, speed) / most, 1.0)
+    way, speed = (way, speed * too_long) if whole else (way / too_long, speed)
     duration = find_duration(way, speed)
     times = np.arange(0.0, DURATION + 1.0, STEP)
     at = way * ease((times - begin) / duration)
     path = np.column_stack([np.interp(at, along, axis) for axis in line.T])
     release = math.inf
     if released:
-        release = begin + duration + 0.1
+        release = begin + duration + 0.05
         # it goes up and away from the rope's end
-        leave = ease((times - release - 0.05) / _LEAVE)
-        path[:, 0] += 0.06 * np.cos(path[-1, 3]) * leave
-        path[:, 1] += 0.06 * np.sin(path[-1, 3]) * leave
-        path[:, 2] += 0.08 * leave
+        leave = ease((times - release) / _LEAVE)
+        aside, up = _LEAVE_WAY
+        path[:, 0] += aside * math.cos(path[-1, 3]) * leave
+        path[:, 1] += aside * math.sin(path[-1, 3]) * leave
+        path[:, 2] += up * leave
     return GripperPath(rope, s, half, times, path[:, :3], path[:, 3], release)
 
 
@@ -205,7 +223,7 @@ def _plan_two(rng: np.random.Generator, radius: float) -> Plan:
         ]
     )
     speed = float(rng.uniform(*_CARRY_SPEED))
-    path = _follow(0, s, half, corners, float(rng.uniform(*_REST)), speed, released=True)
+    path = _follow(0, s, half, corners, float(rng.uniform(*_REST)), speed, released=True, whole=True)
     return Plan(radius, (carried, other), (spacing, other_spacing), (path,), _draw_elevation(rng))
 
 
@@ -232,7 +250,7 @@ def _plan_loop(rng: np.random.Generator, radius: float, undo: bool) -> Plan:
     shift = np.array([0.0, before, 0.0])
     loop, straight = loop - shift, straight - shift
     s, half, laid = _grip_end(rng, loop, spacing)
-    laid[3] = 2.0 * math.pi  # it runs along x after 270 degrees of turn from y
+    laid[3] += 2.0 * math.pi  # it runs along x after 270 degrees of turn from y
     extended = np.array([0.0, 0.92 * (s - before), radius, 0.5 * math.pi])
     lift = float(rng.uniform(0.045, 0.06)) + radius
     top = np.array([0.0, 0.0, lift - radius, 0.0])
@@ -250,13 +268,16 @@ def _plan_loop(rng: np.random.Generator, radius: float, undo: bool) -> Plan:
     speed = float(rng.uniform(0.3, 0.45))
     begin = float(rng.uniform(*_REST))
     if undo:
+        # the gripper turns so that the rope follows it
         corners[-1] = laid
-        path = _follow(0, s, half, corners[::-1], begin, speed)
+        corners[:, 3] = math.pi * np.array([0.5, 0.5, 0.4, 0.55, 0.35, 0.0, 0.0])
+        corners[-2:, 3] = laid[3] - 2.0 * math.pi
+        path = _follow(0, s, half, corners[::-1], begin, speed, whole=True)
         nodes = loop
     else:
         corners[:2] = _grip_end(rng, straight, spacing)[2]
         corners[1] += top
-        path = _follow(0, s, half, corners, begin, speed, released=True)
+        path = _follow(0, s, half, corners, begin, speed, released=True, whole=True)
         nodes = straight
     return Plan(radius, (nodes,), (spacing,), (path,), _draw_elevation(rng))
 
@@ -288,7 +309,7 @@ def _plan_wave(rng: np.random.Generator, radius: float) -> Plan:
         turns = start[3] + fade * 0.3 * np.sin(2.0 * math.pi * rate * (times - begin))
         paths.append(GripperPath(0, s, half, times, start[:3] + way, turns))
     elevation = float(rng.uniform(*_AIR_ELEVATIONS))
-    return Plan(radius, (nodes,), (spacing,), tuple(paths), elevation, _AIR_SETTLE)
+    return Plan(radius, (nodes,), (spacing,), tuple(paths), elevation, _AIR_SETTLE, _WAVE_FASTEST)
 
 
 def _hang(count: int, spacing: float, span: float) -> Array:
@@ -311,22 +332,11 @@ def _turn_plan(plan: Plan, angle: float, mirror: bool) -> Plan:
         return np.column_stack([places[:, :2] @ plane.T, places[:, 2]])
 
     paths = tuple(
-        GripperPath(
-            path.rope,
-            path.s,
-            path.half,
-            path.times,
-            turn(path.places),
-            (math.pi - path.turns if mirror else path.turns) + angle,
-            path.release,
+        replace(
+            path,
+            places=turn(path.places),
+            turns=(math.pi - path.turns if mirror else path.turns) + angle,
         )
         for path in plan.grippers
     )
-    return Plan(
-        plan.radius,
-        tuple(turn(nodes) for nodes in plan.ropes),
-        plan.spacings,
-        paths,
-        plan.elevation,
-        plan.settle,
-    )
+    return replace(plan, ropes=tuple(turn(nodes) for nodes in plan.ropes), grippers=paths)

@@ -39,6 +39,8 @@ _LEAST_GAP = 0.02  # seconds between two images
 _DISTANCES = (0.7, 0.9)  # metres: range of the cameras' distance; farther if ropes would leave the image
 _FARTHER = 1.03  # factor of the distance until all ropes are in view
 _MARGIN = 12.0  # pixels between ropes and the image's border
+_MAX_SLOWER = 4  # simulations of a rope that is too fast
+_SLOWER = 0.95  # of the greatest speed, aimed at
 _SPREAD = math.radians(35.0)  # radians between two cameras
 _MAX_VIEWS = 8
 _MAX_FRAMES = 3000
@@ -160,7 +162,7 @@ def sequence(
     times = _draw_times(np.random.default_rng([seed, number, 1]), simulated)
     planning, placing, covering = (np.random.default_rng([seed, number, part]) for part in (2, 3, 4))
     plan = plan_sequence(kind, planning)
-    nodes = _simulate(plan, times)
+    plan, nodes = _move(plan, times)
     whole = math.ceil(DURATION * _RATE)
     intrinsics = np.array(
         [
@@ -198,6 +200,19 @@ def _draw_times(rng: np.random.Generator, count: int) -> Array:
     for i in range(1, count):
         times[i] = max(times[i], times[i - 1] + _LEAST_GAP)
     return times
+
+
+def _move(plan: Plan, times: Array) -> tuple[Plan, list[tuple[Array, ...]]]:
+    """Return the nodes at each time, and the plan, whose waving gets smaller while nodes are too fast."""
+    nodes = _simulate(plan, times)
+    for _ in range(_MAX_SLOWER):
+        moved = [np.diff(np.stack(rope), axis=0) for rope in zip(*nodes, strict=True)]
+        speed = max(float((np.linalg.norm(way, axis=2) / np.diff(times)[:, None]).max()) for way in moved)
+        if speed <= plan.fastest:
+            break
+        plan = plan.make_smaller(_SLOWER * plan.fastest / speed)
+        nodes = _simulate(plan, times)
+    return plan, nodes
 
 
 def _simulate(plan: Plan, times: Array) -> list[tuple[Array, ...]]:
