@@ -13,7 +13,8 @@ from strand.synthetic.rendering import render_depth
 from strand.synthetic.rough_scenes import ROUGH, rough_scene
 from strand.synthetic.scenes import SyntheticScene, scene
 from strand.synthetic.segmentation import Segmentation
-from strand.synthetic.sequences import SEQUENCES, SequenceFrame, SyntheticSequence, sequence
+from strand.synthetic.sequence_frames import SequenceFrame
+from strand.synthetic.sequences import SEQUENCES, SyntheticSequence, sequence
 from strand.synthetic.shapes import SHAPES, shape
 
 __all__ = [

@@ -19,12 +19,12 @@ STEP = 1.0 / 480.0
 """Time between two states of the simulation, seconds."""
 
 _GRAVITY = 9.81  # m / s^2
-_STIFFNESS = 5e-4  # m^4 / s^2: bending stiffness over mass per length; its weight bends 40 mm of rope
+_STIFFNESS = 3e-4  # m^4 / s^2: bending stiffness over mass per length; its weight bends 31 mm of rope
 _MAX_TURN = math.radians(28.0)  # radians: between neighbouring segments
 _BEND_DAMPING = 0.001  # seconds: damping over stiffness; more would let friction hold zigzags
 _DRAG = 1.5  # 1 / s: of the air
 _SETTLE_DRAG = 6.0  # 1 / s: while a rope comes to rest before the first frame
-_FRICTION = 0.5  # of a rope on the table
+_FRICTION = 0.6  # of a rope on the table
 _STRAND_FRICTION = 0.2  # of a strand on another one
 _ITERATIONS = 2  # per step, of lengths and contacts
 _MORE_ITERATIONS = 3  # at most, of lengths
@@ -150,7 +150,7 @@ class _Motion:
             matrix[held] = np.eye(len(self.nodes))[held]
             weights = np.ones(len(self.nodes))
             weights[held] = 0.0
-            self.inverses[key] = np.linalg.inv(matrix), weights
+            self.inverses[key] = np.asarray(np.linalg.inv(matrix), dtype=np.float64), weights
         return self.inverses[key]
 
     def _find_pairs(self) -> tuple[_Indices, _Indices]:
@@ -216,7 +216,7 @@ class _Motion:
         self.nodes[:, :2] -= np.minimum(1.0, _FRICTION * deep / most)[:, None] * moved
 
     def _keep_lengths(self, weights: Array) -> float:
-        """Move nodes to their distances from their neighbours by one Newton step; return the stretch before."""
+        """Move nodes to their distances from their neighbours by a Newton step; return the stretch before."""
         ways = self.nodes[self.second] - self.nodes[self.first]
         lengths = np.linalg.norm(ways, axis=1)
         ways /= lengths[:, None]

@@ -16,6 +16,7 @@ _THICKNESS = 0.02  # metres: of the bar, the post and the plate
 _ABOVE = (0.1, 0.16)  # metres: of the bar above the highest place of grippers
 _BEFORE = 0.55  # place of the post on the way from the camera to the rope's middle
 _SHARES = (0.3, 0.5)  # of the rope that the bar or the post hides, on average
+_MAX_SHARE = 0.54  # of the rope that it hides at any time
 _WIDTHS = np.linspace(0.02, 0.3, 57)  # metres: of the bar, or the post
 _STAY = (0.6, 1.4)  # seconds in which it stays
 _MOVE = 0.25  # seconds in which it comes, or goes
@@ -119,6 +120,7 @@ def _draw_stay(
 
 def _choose_box(boxes: list[Box], ropes: list[Array], camera: Array, share: float) -> Box:
     """Return the box that hides a share of the ropes' nodes, on average, as nearly as one does."""
-    rays = np.concatenate(ropes) - camera
-    misses = [abs(float(np.mean(cast_rays(box, camera, rays) < 1.0)) - share) for box in boxes]
+    rays = np.stack(ropes) - camera
+    hidden = np.stack([(cast_rays(box, camera, rays) < 1.0).mean(axis=1) for box in boxes])
+    misses = np.abs(hidden.mean(axis=1) - share) + (hidden.max(axis=1) > _MAX_SHARE)
     return boxes[int(np.argmin(misses))]
