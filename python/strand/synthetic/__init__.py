@@ -5,6 +5,7 @@ from strand.synthetic.cluttered_scenes import cluttered_scene
 from strand.synthetic.color_scenes import COLOR_KINDS, ColorScene, color_scene
 from strand.synthetic.depth_camera import CAMERAS, DepthCamera
 from strand.synthetic.frame_scenes import FRAMES, frame_scene
+from strand.synthetic.grippers import Gripper
 from strand.synthetic.layout import Layout
 from strand.synthetic.noise import Noise, sense
 from strand.synthetic.painting import Paint, paint_scene
@@ -14,6 +15,7 @@ from strand.synthetic.rough_scenes import ROUGH, rough_scene
 from strand.synthetic.scenes import SyntheticScene, scene
 from strand.synthetic.segmentation import Segmentation
 from strand.synthetic.sequence_frames import SequenceFrame
+from strand.synthetic.sequence_truth import TrueCrossing
 from strand.synthetic.sequences import SEQUENCES, SyntheticSequence, sequence
 from strand.synthetic.shapes import SHAPES, shape
 
@@ -27,6 +29,7 @@ __all__ = [
     "Camera",
     "ColorScene",
     "DepthCamera",
+    "Gripper",
     "Layout",
     "Noise",
     "Paint",
@@ -34,6 +37,7 @@ __all__ = [
     "SequenceFrame",
     "SyntheticScene",
     "SyntheticSequence",
+    "TrueCrossing",
     "camera_pose",
     "cluttered_scene",
     "color_scene",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,7 @@ _DISTANCES = (0.7, 0.9)  # metres: range of the cameras' distance; farther if ro
 _FARTHER = 1.03  # factor of the distance until all ropes are in view
 _MARGIN = 12.0  # pixels between ropes and the image's border
 _MAX_SLOWER = 4  # simulations of a rope that is too fast
-_SLOWER = 0.95  # of the greatest speed, aimed at
+_SLOWER = 0.8  # power of the ratio of the greatest speed to that of a rope, by which grippers are slower
 _SPREAD = math.radians(35.0)  # radians between two cameras
 _MAX_VIEWS = 8
 _MAX_FRAMES = 3000
@@ -108,14 +108,16 @@ def sequence(
     - `carry`: an end is carried over the table.
     - `wave`: two grippers wave a rope in the air.
     - `loop`, `unloop`: an end is carried over its own rope and laid down; or lies there, and is carried back.
-    - `bar`, `barwave`: as `carry` and `wave`, and a bar hides a part of the rope for a while.
+    - `bar`, `barwave`: as `carry` and `wave`, and a bar hides a part of the rope from the first camera for a
+      while.
     - `blackout`: as `carry`; for 0.5 to 1 s nothing is seen, behind a plate or in empty images.
     - `two`: the end of a rope is carried over another rope.
     - `slide`: a rope is pulled along its own axis.
     - `still`: a rope lies on the table.
 
-    Ropes are 3.5 to 5 mm thick in radius. They lie still for the first 0.2 s. The images have 640 x 480
-    pixels, and masks with ragged edges. The movements end within 3 s.
+    Ropes have a radius of 3.5 to 5 mm, and are at rest for the first 0.2 s. They bend by their weight, stay as
+    long as they are, and slide on the table and on each other with friction. All movements end within 3 s.
+    The images have 640 x 480 pixels, and masks with ragged edges.
 
     Parameters
     ----------
@@ -164,6 +166,8 @@ def sequence(
     plan = plan_sequence(kind, planning)
     plan, nodes = _move(plan, times)
     whole = math.ceil(DURATION * _RATE)
+    for array in (times, *(rope for ropes in nodes for rope in ropes)):
+        array.setflags(write=False)
     intrinsics = np.array(
         [
             [_FOCAL_LENGTH, 0.0, 0.5 * (SIZE[0] - 1)],
@@ -210,7 +214,9 @@ def _move(plan: Plan, times: Array) -> tuple[Plan, list[tuple[Array, ...]]]:
         speed = max(float((np.linalg.norm(way, axis=2) / np.diff(times)[:, None]).max()) for way in moved)
         if speed <= plan.fastest:
             break
-        plan = plan.make_smaller(_SLOWER * plan.fastest / speed)
+        # the ropes have come to rest already, and get slower by more than their grippers
+        smaller = plan.make_smaller((plan.fastest / speed) ** _SLOWER)
+        plan = replace(smaller, ropes=nodes[0], settle=0.0)
         nodes = _simulate(plan, times)
     return plan, nodes
 

@@ -77,12 +77,12 @@ def test_a_crossing_is_made_by_the_end_and_stays(kind):
     assert found[0] == ()
     assert len(found[-1]) == 1
     first = next(number for number, crossings in enumerate(found) if crossings)
-    last, _ = made.nodes[0][0].shape[0] - 1, made.spacings
+    length = made.spacings[0] * (len(made.nodes[0][0]) - 1)
     for number, crossings in enumerate(found[first:], first):
         ((rope, over),) = [one.over for one in crossings]
         assert rope == 0
         if number == first:
-            assert over > made.spacings[0] * last - 0.03
+            assert over > length - 0.03
         if kind == "loop":
             assert over > crossings[0].under[1] + 0.1
         else:
@@ -105,12 +105,8 @@ def test_an_end_is_carried_and_friction_holds_the_other():
     speeds = measure_speeds(made)
     (gripper,) = made[45].grippers
     assert gripper.holds
-    place = np.array(
-        [
-            np.interp(gripper.s, np.arange(speeds.shape[1] + 0) * made.spacings[0], axis)
-            for axis in made.nodes[45][0].T
-        ]
-    )
+    along = np.arange(speeds.shape[1]) * made.spacings[0]
+    place = [np.interp(gripper.s, along, axis) for axis in made.nodes[45][0].T]
     assert np.linalg.norm(place - gripper.pose[:3, 3]) < 0.001
     held = round(gripper.s / made.spacings[0])
     assert 0.2 < speeds[:, held].max() < 0.5
