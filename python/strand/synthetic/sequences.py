@@ -115,8 +115,8 @@ def sequence(
     - `slide`: a rope is pulled along its own axis.
     - `still`: a rope lies on the table.
 
-    Ropes have a radius of 3.5 to 5 mm, and are at rest for the first 0.2 s. They bend by their weight, stay as
-    long as they are, and slide on the table and on each other with friction. All movements end within 3 s.
+    Ropes have a radius of 3.5 to 5 mm, and are at rest for the first 0.2 s. They bend by their weight, keep
+    their length, and slide on the table and on each other with friction. All movements end within 3 s.
     The images have 640 x 480 pixels, and masks with ragged edges.
 
     Parameters
