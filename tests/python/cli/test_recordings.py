@@ -63,7 +63,8 @@ def test_several_cameras_and_an_output_file(tmp_path, capsys):
     ]
     want = strand.reconstruct(views, radius=0.0042, bounds=SCENE.bounds, ropes=1)
     got = strand.load_model(out)
-    np.testing.assert_allclose(got.chains[0].points, want.chains[0].points, rtol=0, atol=1e-9)
+    # poses come from quaternions, rounded
+    np.testing.assert_allclose(got.chains[0].points, want.chains[0].points, rtol=0, atol=1e-6)
 
 
 def test_a_frame_by_its_number(tmp_path, capsys):
