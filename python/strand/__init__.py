@@ -34,6 +34,7 @@ from strand.ropes.grasps import Gripper
 from strand.ropes.knots import knot, linking_number
 from strand.ropes.model import Model
 from strand.support.files import FileFormatError
+from strand.tracking.tracker import Tracker
 from strand.views.box import Box
 from strand.views.pose import pose_from_angles, rotation_xyz, turntable_pose
 from strand.views.sensor import Sensor
@@ -53,6 +54,7 @@ __all__ = [
     "Recording",
     "Sensor",
     "StrandError",
+    "Tracker",
     "TubeFit",
     "View",
     "__version__",

@@ -20,7 +20,7 @@ __all__ = [
     "measure_behind", "measure_bending", "measure_depth_bends", "measure_edge_distances", "measure_heights",
     "measure_largest_blob", "measure_variances", "num_threads", "number_blobs", "occludes", "path_length",
     "price_join", "radius_outlier_mask", "register_in_turn", "set_num_threads", "straighten",
-    "tabulate_arc_length", "trace_chains", "trace_tubes", "unproject",
+    "tabulate_arc_length", "trace_chains", "trace_tubes", "track_frame", "unproject",
 ]
 # fmt: on
 
@@ -30,6 +30,25 @@ _Bools: TypeAlias = NDArray[np.bool_]
 _Camera: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
 _NonFinite: TypeAlias = Literal["raise", "drop"]
 _Plane: TypeAlias = tuple[ArrayLike, float]
+_Optional: TypeAlias = float | None
+_TrackedCamera: TypeAlias = tuple[_Floats, _Bools, _Bools | None, _Camera, ArrayLike, float, float]
+_Hold: TypeAlias = tuple[float, tuple[float, float, float], float]
+_TrackedRope: TypeAlias = tuple[
+    _Floats, _Floats, _Floats, _Floats, tuple[float, float], _Optional, Sequence[_Optional], Sequence[_Hold]
+]
+_FoundRope: TypeAlias = tuple[
+    _Floats,
+    _Floats,
+    _Floats,
+    _Floats,
+    _Optional,
+    list[_Optional],
+    _Floats,
+    _Floats,
+    _Bools,
+    float,
+    _Optional,
+]
 _Codes: TypeAlias = tuple[list[int], list[int], list[list[int]], list[int]]
 
 __version__: str
@@ -390,6 +409,16 @@ def find_short_outlines(
     evidence: NDArray[np.float32], weights: Sequence[float], steps: SupportsIndex
 ) -> list[_Bools]: ...
 def estimate_mask_radius(mask: _Bools) -> float | None: ...
+def track_frame(
+    cameras: Sequence[_TrackedCamera],
+    ropes: Sequence[_TrackedRope],
+    table: tuple[tuple[float, float, float], float] | None,
+    elapsed: float,
+    *,
+    steps: SupportsIndex,
+    bias_gain: float,
+    free: bool = False,
+) -> tuple[list[_FoundRope], list[float], list[float], float, int]: ...
 def set_num_threads(threads: SupportsIndex) -> None: ...
 def count_cores() -> int: ...
 def num_threads() -> int: ...

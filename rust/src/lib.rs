@@ -46,6 +46,7 @@ mod published;
 mod python;
 mod queries;
 mod simd;
+mod track;
 mod tubes;
 
 pub use clouds::crop::{DepthView, crop_images};

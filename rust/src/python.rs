@@ -19,6 +19,7 @@ mod masks;
 mod normals;
 mod queries;
 mod released;
+mod track;
 mod tubes;
 mod views;
 mod visibility;
@@ -135,6 +136,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(colors::convert_to_lab, module)?)?;
     module.add_function(wrap_pyfunction!(colors::find_color_pieces, module)?)?;
     module.add_function(wrap_pyfunction!(colors::draw_ropes, module)?)?;
+    module.add_function(wrap_pyfunction!(track::track_frame, module)?)?;
     module.add_function(wrap_pyfunction!(set_num_threads, module)?)?;
     module.add_function(wrap_pyfunction!(count_cores, module)?)?;
     module.add_function(wrap_pyfunction!(num_threads, module)?)

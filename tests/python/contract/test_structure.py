@@ -29,7 +29,7 @@ FLOORS = {
         "config.py export synthetic",
         "ropes",
         "io reconstruction report",
-        "batch figures.py msgs.py",
+        "batch figures.py msgs.py tracking",
         "__init__.py",
         "cli",
         "__main__.py",
@@ -40,17 +40,17 @@ FLOORS = {
         "geometry",
         "index knots",
         "clouds icp normals published queries",
-        "images tubes",
+        "images track tubes",
         "lib python",
     ),
 }
 MAX_FLOORS = 9  # in each language
-MAX_ARROWS = {PACKAGE: 60, CRATE: 80}  # between rooms
+MAX_ARROWS = {PACKAGE: 67, CRATE: 80}  # between rooms
 MAX_ROOT_MODULES = 6  # files of Python at the root of the package
 MAX_ROOT_FOLDERS = 12  # folders there
 MAX_LINES = 450  # of a source file
 LONG_FILES = {PACKAGE / "_core.pyi", PACKAGE / "config.py", PACKAGE / "ropes" / "model.py"}  # one idea each
-MAX_PUBLIC_NAMES = 45  # in `strand.__all__`
+MAX_PUBLIC_NAMES = 46  # in `strand.__all__`
 MAX_TUPLE = 2  # constants in one assignment
 MAX_PAGE_LINES = {
     "ARCHITECTURE.md": 160,
@@ -61,7 +61,7 @@ MAX_PAGE_LINES = {
     "docs/method.md": 220,
     "docs/promises.md": 130,
 }
-MAX_DOCUMENTATION_LINES = 3320  # of all pages at the root and in docs/
+MAX_DOCUMENTATION_LINES = 3480  # of all pages at the root and in docs/
 SHARED_STEMS = {"__init__", "method"}  # modules that several folders of reconstruction/ may have
 
 Graph = dict[str, set[str]]

@@ -1,0 +1,1 @@
+"""The same ropes, frame after frame."""

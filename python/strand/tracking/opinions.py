@@ -1,0 +1,148 @@
+"""Other answers: reconstructions of single frames on another thread, while the tracker goes on."""
+
+from __future__ import annotations
+
+from collections import deque
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+from strand._core import NotEnoughDataError
+from strand.geometry.plane import Plane
+from strand.reconstruction.pipeline import reconstruct
+from strand.ropes.model import Model
+from strand.tracking.beginning import confirms
+from strand.tracking.frame import Frame
+from strand.tracking.laying import trim_ends
+from strand.tracking.settings import Settings
+from strand.tracking.stepping import REPLAY_STEPS, Step, step_ropes
+from strand.tracking.watching import compare_opinion, is_doubtful
+
+_LATENCY = 3  # frames after which an answer enters, whenever it is ready: equal frames give equal answers
+_PATIENCE = 3  # doubtful frames in a row before another answer is asked for
+_EVERY = 15  # frames between two answers where nothing is doubtful
+_EVERY_UNCONFIRMED = 5  # likewise, until an answer confirms the last one that was taken
+_MIN_PIXELS = 30  # of ropes in all images: with fewer, nothing is seen
+
+
+@dataclass(frozen=True, eq=False)
+class _Past:
+    """A frame, the time since the one before, s, and the ropes after it."""
+
+    frame: Frame
+    elapsed: float
+    step: Step
+
+
+@dataclass(frozen=True, eq=False)
+class _Pending:
+    """An answer that another thread works on: the number of its frame, and whether the ropes were doubted."""
+
+    answer: Future[Model | None]
+    asked: int
+    doubted: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Entered:
+    """What another answer says: the ropes as it has them, if it is taken, and whether it agrees."""
+
+    step: Step | None
+    agrees: bool
+
+
+class Opinions:
+    """Asks for other answers, and lets them enter a fixed number of frames later.
+
+    Attributes
+    ----------
+    since : int
+        Frames since the last answer was asked for.
+    blind : bool
+        Whether the last frame showed nothing of the ropes.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.since = 0
+        self.blind = False
+        self._settings = settings
+        self._pool: Executor | None = None
+        self._past: deque[_Past] = deque(maxlen=_LATENCY)
+        self._pending: _Pending | None = None
+        self._doubtful = 0
+        self._dissents = False
+        self._unconfirmed = False
+
+    def ask(self, frame: Frame) -> Future[Model | None]:
+        """Reconstruct a frame on another thread."""
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(1, "strand-tracker")
+        return self._pool.submit(_reconstruct, frame, self._settings)
+
+    def remember(self, frame: Frame, elapsed: float, step: Step) -> None:
+        """Keep a frame until an answer to it may enter."""
+        self._past.append(_Past(frame, elapsed, step))
+
+    def forget(self) -> None:
+        """Forget all frames and answers: the ropes begin anew."""
+        self._past.clear()
+        self._pending = None
+        self._doubtful, self._dissents, self._unconfirmed = 0, False, False
+
+    def watch(self, frame: Frame, step: Step, count: int, impossible: bool) -> None:
+        """Ask for another answer where the ropes do not explain a frame, and every now and then."""
+        empty = step.pixels < _MIN_PIXELS
+        back, self.blind = self.blind and not empty, empty
+        doubted = not empty and is_doubtful(step)
+        self._doubtful = self._doubtful + 1 if doubted else 0
+        self.since += 1
+        every = _EVERY_UNCONFIRMED if self._unconfirmed or self._dissents else _EVERY
+        due = back or impossible or self._doubtful >= _PATIENCE or self.since >= every
+        if self._pending is None and due and not empty:
+            self._pending = _Pending(self.ask(frame), count, doubted or back or impossible)
+            self.since = 0
+
+    def enter(self, count: int, table: Plane | None, tentative: bool) -> Entered | None:
+        """Return what an answer says that is due in frame `count`; None if none is."""
+        pending = self._pending
+        if pending is None or count < pending.asked + _LATENCY:
+            return None
+        self._pending = None
+        model, past = pending.answer.result(), list(self._past)
+        if model is None or len(past) < _LATENCY:
+            return None
+        first = past[0]
+        doubted = pending.doubted or tentative
+        opinion = compare_opinion(model, first.frame, first.step, table, first.elapsed, doubted)
+        before, self._dissents = self._dissents, opinion is not None and opinion.dissents
+        if opinion is None or not (opinion.is_better or (before and self._dissents)):
+            agrees = confirms(model, first.step.ropes)
+            self._unconfirmed = self._unconfirmed and not agrees
+            return Entered(None, agrees)
+        self._dissents, self._unconfirmed = False, True
+        return Entered(self._replay(past, opinion.step, table), False)
+
+    def _replay(self, past: list[_Past], step: Step, table: Plane | None) -> Step:
+        """Return the ropes after the last frame, given those after the first one."""
+        self._past.clear()
+        self._past.append(_Past(past[0].frame, past[0].elapsed, step))
+        for later in past[1:]:
+            step = step_ropes(later.frame, step.ropes, step.biases, table, later.elapsed, steps=REPLAY_STEPS)
+            self._past.append(_Past(later.frame, later.elapsed, step))
+        return step
+
+
+def _reconstruct(frame: Frame, settings: Settings) -> Model | None:
+    """Return the ropes of a frame; None without open ones."""
+    try:
+        model = reconstruct(
+            frame.given_views,
+            settings.radius,
+            ropes=settings.ropes,
+            config=settings.config,
+            length=settings.length,
+        )
+    except NotEnoughDataError:
+        return None
+    if not model.chains or any(chain.closed for chain in model.chains):
+        return None
+    return replace(model, chains=tuple(trim_ends(chain, frame) for chain in model.chains))
