@@ -1,6 +1,7 @@
 """Draw a reconstruction: an HTML page, a recording for Rerun, and figures of every stage.
 
 `write_report` and `write_recording` show a model together with its views. `show` opens Rerun's viewer.
+`write_track_report` and `write_track_recording` play the answers of a `strand.Tracker`.
 `write_figures` draws all stages to PNG files, `plot_over_points` only the chains. Each other function
 returns one figure as a `matplotlib.figure.Figure`; it needs a model from `strand.reconstruct(...,
 keep_stages=True)`.
@@ -26,7 +27,9 @@ from strand.report.published_figures import (
     draw_segments,
     draw_separation,
 )
+from strand.report.rerun_tracks import write_track_recording
 from strand.report.rerun_view import show, write_recording
+from strand.report.track_page import write_track_report
 
 __all__ = [
     "draw_arcs",
@@ -47,4 +50,6 @@ __all__ = [
     "write_figures",
     "write_recording",
     "write_report",
+    "write_track_recording",
+    "write_track_report",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -10,7 +10,8 @@ from pathlib import Path
 from strand.batch.settings import Settings
 from strand.batch.units import BAG, IMAGES, Unit, list_images, open_bag
 from strand.io.budget import Budget
-from strand.io.recordings.recording import Recording, UndecodedFrame
+from strand.io.recordings.frames import UndecodedFrame
+from strand.io.recordings.recording import Recording
 from strand.io.scenes import load_scene
 from strand.io.single_view import KnownCamera, read_single_view
 from strand.io.view_files import SUFFIXES
@@ -32,17 +33,23 @@ class FrameInput:
         The ropes' radius, metres, if the recording holds it.
     bounds : pair of (3,) ndarray, Box, or None
         The extraction range, if the recording holds it.
+    times : tuple of float or None
+        Time of each view, seconds since 1970, if the recording holds them.
     """
 
     time: float | None
     views: tuple[View, ...]
     radius: float | None = None
     bounds: Bounds | None = None
+    times: tuple[float, ...] | None = None
 
 
-def iterate_frames(unit: Unit, settings: Settings) -> Iterator[tuple[int, Callable[[], FrameInput]]]:
+def iterate_frames(
+    unit: Unit, settings: Settings, beside: Mapping[str, Sequence[Path]] | None = None
+) -> Iterator[tuple[int, Callable[[], FrameInput]]]:
     """Yield the number of each frame of a unit, and a function that reads the frame.
 
+    `beside` has masks, colours and occluders of a folder of images by the key of a view, one for each image.
     Raises an error if the recording cannot be opened or ends in damage. The function raises an error if its
     frame is damaged; the iteration then goes on.
     """
@@ -57,7 +64,8 @@ def iterate_frames(unit: Unit, settings: Settings) -> Iterator[tuple[int, Callab
         if not paths:
             raise FileFormatError(unit.path, "no depth image is left")
         for number in range(len(paths))[unit.start : unit.stop : settings.every]:
-            yield number, partial(_read_image, paths[number], camera, settings)
+            own = {key: [files[number]] for key, files in (beside or {}).items()}
+            yield number, partial(_read_image, paths[number], camera, settings, own)
         return
     # a scene that cannot be read cannot be opened, so this comes before the first frame
     scene = _read_scene(unit.path, camera, settings)
@@ -66,11 +74,13 @@ def iterate_frames(unit: Unit, settings: Settings) -> Iterator[tuple[int, Callab
 
 def _decode(recording: Recording, frame: UndecodedFrame) -> FrameInput:
     decoded = recording.decode(frame)
-    return FrameInput(decoded.time, decoded.views)
+    return FrameInput(decoded.time, decoded.views, times=decoded.times)
 
 
-def _read_image(path: str, camera: KnownCamera, settings: Settings) -> FrameInput:
-    return FrameInput(None, (read_single_view(Path(path), camera, {}, Budget(settings.max_bytes)),))
+def _read_image(
+    path: str, camera: KnownCamera, settings: Settings, beside: Mapping[str, Sequence[Path]]
+) -> FrameInput:
+    return FrameInput(None, (read_single_view(Path(path), camera, beside, Budget(settings.max_bytes)),))
 
 
 def _read_scene(path: str, camera: KnownCamera, settings: Settings) -> FrameInput:

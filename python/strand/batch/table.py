@@ -8,12 +8,12 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from strand.geometry.plane import Plane
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import Crossing
 from strand.support.checks import Array
+from strand.support.columns import make_lists, make_nested_lists
 from strand.support.extras import import_extra
 
 SCHEMA_VERSION = 2
@@ -133,9 +133,9 @@ def make_record_batch(rows: Sequence[Row], version: str, configuration: str) -> 
         "frame": [row.frame for row in rows],
         "time": [row.time for row in rows],
         "rope": [row.rope for row in rows],
-        "nodes": _make_nested_lists([None if chain is None else chain.points for chain in chains], 3),
-        "arc_length": _make_lists([None if chain is None else chain.arc_length for chain in chains]),
-        "covariance": _make_nested_lists(
+        "nodes": make_nested_lists([None if chain is None else chain.points for chain in chains], 3),
+        "arc_length": make_lists([None if chain is None else chain.arc_length for chain in chains]),
+        "covariance": make_nested_lists(
             [None if array is None else array.reshape(len(array), 9) for array in covariances], 9
         ),
         "radius": [None if chain is None else chain.radius for chain in chains],
@@ -190,30 +190,3 @@ def _escape_bytes(text: str) -> str:
 
 def _replace_nan(value: float) -> float | None:
     return None if np.isnan(value) else value
-
-
-def _make_lists(arrays: Sequence[Array | None]) -> Any:
-    """Return a list for each array; null for a missing array."""
-    pa = import_extra("pyarrow")
-    return pa.ListArray.from_arrays(_make_offsets(arrays), pa.array(_flatten(arrays)))
-
-
-def _make_nested_lists(arrays: Sequence[Array | None], width: int) -> Any:
-    """Return a list of lists for each (N, width) array; null for a missing array."""
-    pa = import_extra("pyarrow")
-    flat = _flatten(arrays)
-    inner = np.arange(0, len(flat) + 1, width, dtype=np.int32)
-    return pa.ListArray.from_arrays(_make_offsets(arrays), pa.ListArray.from_arrays(inner, pa.array(flat)))
-
-
-def _flatten(arrays: Sequence[Array | None]) -> Array:
-    known = [np.ravel(array) for array in arrays if array is not None]
-    return np.concatenate(known) if known else np.empty(0)
-
-
-def _make_offsets(arrays: Sequence[Array | None]) -> Any:
-    """Return where each array's rows begin and where the last one's end; null for a missing array."""
-    pa = import_extra("pyarrow")
-    sizes = [0 if array is None else len(array) for array in arrays]
-    offsets: NDArray[np.int32] = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
-    return pa.array(offsets, mask=np.array([*(array is None for array in arrays), False]))

@@ -29,7 +29,7 @@ def collect_arguments(options: argparse.Namespace, scene: Scene | None = None) -
         "ropes": options.ropes,
         "length": options.length[0] if options.length and len(options.length) == 1 else options.length,
         "config": strand.Config() if options.config is None else config.load(options.config),
-        "deadline": options.deadline,
+        "deadline": vars(options).get("deadline"),
     }
 
 

@@ -17,7 +17,7 @@ from strand.batch.running import run as run_batch
 from strand.cli import values
 from strand.cli.arguments import collect_arguments
 from strand.cli.inputs import choose_color_topics, load_intrinsics
-from strand.cli.options import add_camera, add_recording, add_ropes
+from strand.cli.options import add_camera, add_deadline, add_recording, add_ropes
 from strand.cli.terminal import print_message
 from strand.io.recordings.recording import TOLERANCE
 from strand.support.files import require_writable
@@ -93,6 +93,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     add_camera(command)
     add_recording(command.add_argument_group("recordings"))
     add_ropes(command)
+    add_deadline(command)
 
 
 def run(options: argparse.Namespace) -> None:

@@ -42,6 +42,11 @@ def add_camera(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="a single file's points are in the camera frame: x right, y down, z forward",
     )
+    add_pinhole(command)
+
+
+def add_pinhole(command: argparse.ArgumentParser) -> None:
+    """Add the pinhole and the unit of depth that depth images may lack."""
     command.add_argument(
         "--intrinsics",
         type=values.parse_intrinsics,
@@ -92,6 +97,7 @@ def add_recording(group: argparse._ArgumentGroup) -> None:
 def add_priors(command: argparse.ArgumentParser) -> None:
     """Add the user's knowledge of the ropes, and masks, colours and occluders of the views."""
     add_ropes(command)
+    add_deadline(command)
     command.add_argument(
         "--mask",
         type=values.parse_path,
@@ -148,14 +154,18 @@ def add_ropes(command: argparse.ArgumentParser) -> None:
         "--config", type=values.parse_path, metavar="FILE", help="a TOML file with parameters of the method"
     )
     add_limits(command)
+    # argparse takes "-4mm" for an option unless this pattern says that it is a negative number
+    command._negative_number_matcher = re.compile(r"^-\.?\d")
+
+
+def add_deadline(command: argparse.ArgumentParser) -> None:
+    """Add the limit on the time of a reconstruction."""
     command.add_argument(
         "--deadline",
         type=float,
         metavar="SECONDS",
         help="skip optional work after this time (default: none)",
     )
-    # argparse takes "-4mm" for an option unless this pattern says that it is a negative number
-    command._negative_number_matcher = re.compile(r"^-\.?\d")
 
 
 def add_limits(command: argparse.ArgumentParser) -> None:

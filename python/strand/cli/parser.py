@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 import strand
-from strand.cli import batch, demo, info, mask, reconstruct, report, view
+from strand.cli import batch, demo, info, mask, reconstruct, report, track, view
 from strand.cli.exit_codes import EXIT_CODES
 
 _COMMANDS = {
@@ -15,6 +15,7 @@ _COMMANDS = {
     "mask": mask,
     "reconstruct": reconstruct,
     "report": report,
+    "track": track,
     "view": view,
 }
 

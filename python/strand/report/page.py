@@ -38,8 +38,8 @@ _MAX_ROWS = 100  # rows of a table
 _MAX_TEXT = 400  # characters of a cell
 _MAX_LENGTHS = 6  # chains whose length is in the summary
 _DOUBT_DISTANCE = 5.0  # radii from a chain: nearer doubts are listed with it
-# the browser refuses to fetch anything; the page includes plotly's script
-_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+"""The browser refuses to fetch anything; pages include plotly's script."""
 
 
 def write_report(
@@ -98,17 +98,17 @@ def write_report(
         ("Crossings", _tabulate_crossings(model)),
         ("Doubts and warnings", _tabulate_doubts(model)),
         ("Views", _tabulate_views(model, views)),
-        ("Given values", _format_table(["quantity", "value"], (given or {}).items())),
+        ("Given values", format_table(["quantity", "value"], (given or {}).items())),
         ("Stages", _tabulate_stages(model, views)),
     ]
     page = Template(files("strand.report").joinpath("page.html").read_text("utf-8")).substitute(
-        policy=_POLICY,
-        title=_escape(title),
-        summary=_escape(_summarize(model)),
+        policy=POLICY,
+        title=escape_text(title),
+        summary=escape_text(_summarize(model)),
         body="\n".join(f"<h2>{name}</h2>\n{content}" for name, content in sections if content),
         version=_core.__version__,
         plotly=b64encode(script).decode(),
-        figure=_dump_json(figure),
+        figure=dump_json(figure),
     )
     write_bytes(path, page.encode("utf-8", "replace"))
 
@@ -184,7 +184,7 @@ def _tabulate_chains(model: Model) -> str:
             )
         )
     head = ["chain", "length / mm", "radius / mm", "nodes", "ends", "confidence"]
-    return _format_table(
+    return format_table(
         [
             *head,
             "first node / mm",
@@ -215,7 +215,7 @@ def _tabulate_crossings(model: Model) -> str:
         for one in met[: _MAX_ROWS + 1]
     ]
     head = ["over", "under", "height / mm", "gap / mm", "angle", "sign", "probability", "where / mm"]
-    table = _format_table(head, rows, len(met))
+    table = format_table(head, rows, len(met))
     side = ", ".join(f"{x:.2f}" for x in model.up)
     seen = f"The direction of view is against ({side}). The probability is that of the order."
     return table and f'{table}<p class="note">{seen}</p>'
@@ -235,7 +235,7 @@ def _tabulate_doubts(model: Model) -> str:
     if not rows:
         return "<p>None.</p>"
     cells = [(*row[:4], "" if row[4] is None else _format_millimeters(row[4])) for row in rows]
-    return _format_table(["", "kind", "weight", "what", "where / mm"], cells)
+    return format_table(["", "kind", "weight", "what", "where / mm"], cells)
 
 
 def _tabulate_views(model: Model, views: Sequence[View]) -> str:
@@ -263,7 +263,7 @@ def _tabulate_views(model: Model, views: Sequence[View]) -> str:
             )
         )
     head = ["view", "what", "points", "not finite", "camera / mm", "camera moved by registration"]
-    return _format_table(head, rows, len(views))
+    return format_table(head, rows, len(views))
 
 
 def _tabulate_stages(model: Model, views: Sequence[View]) -> str:
@@ -279,7 +279,7 @@ def _tabulate_stages(model: Model, views: Sequence[View]) -> str:
     else:
         rows = [(name, "", "", _format_milliseconds(seconds)) for name, seconds in model.timings.items()]
     total = ("total", "", "", _format_milliseconds(sum(model.timings.values())))
-    return _format_table(["stage", "points in", "points out", "ms"], [*rows, total] if rows else [])
+    return format_table(["stage", "points in", "points out", "ms"], [*rows, total] if rows else [])
 
 
 def _format_millimeters(place: Array) -> str:
@@ -290,22 +290,25 @@ def _format_milliseconds(seconds: float) -> str:
     return f"{1e3 * seconds:.1f}"
 
 
-def _format_table(head: Sequence[str], rows: Iterable[Sequence[str]], count: int | None = None) -> str:
-    """Return a table of escaped texts; empty without rows."""
+def format_table(
+    head: Sequence[str], rows: Iterable[Sequence[str]], count: int | None = None, most: int = _MAX_ROWS
+) -> str:
+    """Return a table of escaped texts with at most so many rows; empty without rows."""
     rows = list(rows)
     if not rows:
         return ""
     count = len(rows) if count is None else count
-    lines = ["".join(f"<th>{_escape(name)}</th>" for name in head)]
-    lines += ["".join(f"<td>{_escape(text)}</td>" for text in row) for row in rows[:_MAX_ROWS]]
-    more = f'<p class="note">and {count - _MAX_ROWS:,} more</p>' if count > _MAX_ROWS else ""
+    lines = ["".join(f"<th>{escape_text(name)}</th>" for name in head)]
+    lines += ["".join(f"<td>{escape_text(text)}</td>" for text in row) for row in rows[:most]]
+    more = f'<p class="note">and {count - most:,} more</p>' if count > most else ""
     return f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>{more}"
 
 
-def _escape(text: str) -> str:
+def escape_text(text: str) -> str:
+    """Return text that is safe inside an element, cut to the length of a cell."""
     return escape(text if len(text) <= _MAX_TEXT else f"{text[:_MAX_TEXT]} …")
 
 
-def _dump_json(value: dict[str, Any]) -> str:
+def dump_json(value: dict[str, Any]) -> str:
     """Return JSON that is safe inside a script element."""
     return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")

@@ -104,8 +104,8 @@ def make_space_figure(
         + stood
     )
     standing = list(range(len(data) - len(stood), len(data)))
-    scene = _make_scene(pen, box)
-    near, wide = _place_cameras(scene, 1e3 * (subject - pen.origin), towards)
+    scene = make_scene(pen, box)
+    near, wide = place_cameras(scene, 1e3 * (subject - pen.origin), towards)
     layout: dict[str, Any] = {
         "scene": scene | {"camera": near},
         "coloraxis": _make_color_axis("arc length / mm", [line.along for line in lines], "Viridis"),
@@ -317,7 +317,7 @@ def _draw_next_view(pen: Pen, place: Array, target: Array) -> list[dict[str, Any
     ]
 
 
-def _make_scene(pen: Pen, box: Array) -> dict[str, Any]:
+def make_scene(pen: Pen, box: Array) -> dict[str, Any]:
     """Return axes around everything, on one scale."""
     low, high = 1e3 * (box.min(axis=0) - pen.origin), 1e3 * (box.max(axis=0) - pen.origin)
     margin = 0.02 * float((high - low).max()) + 1.0
@@ -334,7 +334,7 @@ def _make_scene(pen: Pen, box: Array) -> dict[str, Any]:
     return scene
 
 
-def _place_cameras(
+def place_cameras(
     scene: dict[str, Any], subject: Array, towards: Array
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the places of plotly's camera that show the ropes, and everything.

@@ -6,7 +6,6 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from strand.io.recordings.color_alignment import align_colors
 from strand.io.recordings.color_messages import decode_color_message
 from strand.io.recordings.color_pairing import pair_colors
 from strand.io.recordings.color_topics import find_color_cameras, find_color_pose
+from strand.io.recordings.frames import Frame, UndecodedFrame
 from strand.io.recordings.message_views import make_view
 from strand.io.recordings.synchronization import find_nearest, match_messages
 from strand.io.recordings.topics import choose_topics, read_depth_topic
@@ -36,55 +36,11 @@ from strand.support.checks import (
 )
 from strand.support.files import FileFormatError
 from strand.support.lazy import lazy_property
-from strand.views.view import View
 
 TOLERANCE = 0.02  # seconds between the views of a frame, at most: half a frame at 25 Hz
 
 _SECOND = 10**9  # nanoseconds
 _MAX_TOLERANCE = 1e9  # seconds: its nanoseconds fit in 64 bits
-
-
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """The views of all cameras at one time.
-
-    Attributes
-    ----------
-    number : int
-        Number of the frame in the recording, from 0.
-    stamp : int
-        Time stamp of the first camera's message, nanoseconds since 1970.
-    views : tuple of View
-        One for each topic, in the order of `Recording.topics`.
-    """
-
-    number: int
-    stamp: int
-    views: tuple[View, ...]
-
-    @property
-    def time(self) -> float:
-        """The time stamp, seconds since 1970."""
-        return self.stamp / _SECOND
-
-
-@dataclass(frozen=True, eq=False)
-class UndecodedFrame:
-    """A frame whose messages are not decoded yet.
-
-    Attributes
-    ----------
-    number : int
-        Number of the frame in the recording, from 0.
-    messages : tuple of Message
-        One for each topic.
-    colors : tuple of (Message or None)
-        The colour image of each.
-    """
-
-    number: int
-    messages: tuple[Message, ...]
-    colors: tuple[Message | None, ...]
 
 
 class Recording:
@@ -326,9 +282,10 @@ class Recording:
     def decode(self, frame: UndecodedFrame) -> Frame:
         """Decode a frame; raise FileFormatError if one of its messages is damaged."""
         decoded = [self._bag.decode(message) for message in frame.messages]
-        views = []
+        views, stamps = [], []
         for k, (message, seen) in enumerate(zip(frame.messages, decoded, strict=True)):
             camera, stamp = self._cameras[message.topic], self._get_stamp(message, seen)
+            stamps.append(stamp)
             pose = self._find_pose(k, seen.header.frame_id, stamp)
             colors = self._decode_colors(message.topic, frame.colors[k], seen.header.frame_id, stamp)
             try:
@@ -336,7 +293,7 @@ class Recording:
             except (TypeError, ValueError) as error:
                 raise FileFormatError(self.path, str(error), message.place) from error
             views.append(view)
-        return Frame(frame.number, self._get_stamp(frame.messages[0], decoded[0]), tuple(views))
+        return Frame(frame.number, stamps[0], tuple(views), tuple(stamps))
 
     def _decode_colors(
         self, topic: str, message: Message | None, frame: str, stamp: int

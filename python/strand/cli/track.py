@@ -1,0 +1,240 @@
+"""`strand track`: the same ropes through the frames of a recording."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from contextlib import nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+import strand
+from strand.cli import values
+from strand.cli.arguments import collect_arguments
+from strand.cli.options import add_pinhole, add_recording, add_ropes
+from strand.cli.outputs import protect_inputs
+from strand.cli.terminal import flush_before_message, print_message
+from strand.cli.track_frames import RATE, FrameSource, require_depth
+from strand.report.rerun_tracks import write_track_recording
+from strand.report.track_page import write_track_report
+from strand.support.checks import Array
+from strand.support.extras import import_extra
+from strand.support.files import check_suffix, require_writable
+from strand.tracking.masking import mask_ropes
+from strand.tracking.tables import TrackTable, open_table
+from strand.tracking.track import Track
+from strand.tracking.tracker import Tracker
+from strand.views.view import View
+
+HINT = "follow ropes through the frames of a recording"
+DESCRIPTION = """\
+Follow the same ropes through the frames of a recording, and write a Parquet
+file with one row per rope and frame, a page that plays them, or a recording
+for Rerun. Frames without masks get them from depth and colour, as in
+`strand reconstruct`. A frame that is damaged becomes a row with its error."""
+
+
+@dataclass(eq=False)
+class _Film:
+    """The answers for pictures."""
+
+    numbers: list[int] = field(default_factory=list)
+    tracks: list[Track] = field(default_factory=list)
+    clouds: list[Array] = field(default_factory=list)
+
+
+@dataclass(eq=False)
+class _Counts:
+    """What was done."""
+
+    frames: int = 0
+    damaged: int = 0
+    bare: int = 0
+    seconds: float = 0.0
+    last: Track | None = None
+
+
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    command.add_argument(
+        "recording",
+        type=values.parse_path,
+        metavar="RECORDING",
+        help="a .bag, .mcap or .db3 file; a ROS 2 bag's folder; a folder of depth images; or a folder of "
+        "scenes (.npz files, folders with a scene.toml), one for each frame, in the order of their names",
+    )
+    command.add_argument(
+        "-o", "--out", type=values.parse_path, metavar="TRACKS", help="write this .parquet file"
+    )
+    command.add_argument(
+        "--report", type=values.parse_path, metavar="PAGE", help="write an HTML page that plays the ropes"
+    )
+    command.add_argument(
+        "--rerun", type=values.parse_path, metavar="FILE", help="write this .rrd file for the viewer Rerun"
+    )
+    command.add_argument(
+        "--frame", type=int, default=0, metavar="N", help="number of the first frame, from 0 (default: 0)"
+    )
+    command.add_argument(
+        "--every", type=int, default=1, metavar="N", help="take every Nth frame (default: 1)"
+    )
+    command.add_argument(
+        "--rate",
+        type=float,
+        metavar="HZ",
+        help=f"frames per second of a folder, which has no times (default: {RATE:g})",
+    )
+    for name, what in (
+        ("mask", "masks of the ropes, as for `strand reconstruct`"),
+        ("color", "colour images"),
+        ("occluders", "pixels of the robot or a hand"),
+    ):
+        command.add_argument(
+            f"--{name}",
+            type=values.parse_path,
+            metavar="DIR",
+            help=f"a folder with {what}, one for each of a folder's depth images and of the same name",
+        )
+    add_pinhole(command)
+    add_recording(command.add_argument_group("recordings"))
+    add_ropes(command)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Follow the ropes, print what happens, and write the requested files."""
+    _import_packages(options)
+    source = FrameSource(options)
+    _check_outputs(options, source)
+    film = None if options.report is None and options.rerun is None else _Film()
+    with nullcontext() if options.out is None else open_table(options.out) as table:
+        counts = _follow(options, source, table, film)
+    _print_summary(counts)
+    if options.out is not None:
+        print(options.out)
+    if film is not None and options.report is not None:
+        name = options.recording.absolute().name
+        write_track_report(film.tracks, options.report, title=name, numbers=film.numbers)
+        print(options.report)
+    if film is not None and options.rerun is not None:
+        write_track_recording(film.tracks, options.rerun, numbers=film.numbers, clouds=film.clouds)
+        print(options.rerun)
+
+
+def _import_packages(options: argparse.Namespace) -> None:
+    """Report a missing package before the work."""
+    for path, package in (
+        (options.out, "pyarrow.parquet"),
+        (options.report, "plotly.offline"),
+        (options.rerun, "rerun"),
+    ):
+        if path is not None:
+            import_extra(package)
+
+
+def _check_outputs(options: argparse.Namespace, source: FrameSource) -> None:
+    outputs = {"--out": options.out, "--report": options.report, "--rerun": options.rerun}
+    given = {option: path for option, path in outputs.items() if path is not None}
+    if not given:
+        raise ValueError("expected at least one of --out, --report and --rerun, got none")
+    inputs = (
+        *source.files,
+        *(path for path in (options.config, options.intrinsics) if isinstance(path, Path)),
+    )
+    protect_inputs(inputs, outputs)
+    if len({path.resolve() for path in given.values()}) < len(given):
+        raise ValueError(f"{', '.join(given)}: expected different files, got one of them twice")
+    if options.out is not None:
+        check_suffix(options.out, ("parquet",))
+    for path in given.values():
+        require_writable(path)
+
+
+def _follow(
+    options: argparse.Namespace, source: FrameSource, table: TrackTable | None, film: _Film | None
+) -> _Counts:
+    """Follow the ropes through all frames, print events, and add the answers to the table and the film."""
+    counts, tracker, failed = _Counts(), None, None
+    for number, frame_time, shown in _read_frames(options, source):
+        counts.frames += 1
+        if isinstance(shown, Exception):
+            failed = failed or shown
+            counts.damaged += 1
+            flush_before_message()
+            print_message(f"strand: warning: frame {number}: {shown}")
+            if table is not None:
+                table.add_error(number, frame_time, f"{type(shown).__name__}: {shown}")
+            continue
+        views, times, radius = shown
+        begun = time.perf_counter()
+        tracker = tracker or _make_tracker(options, radius)
+        track = tracker.update(views, times)
+        counts.seconds += time.perf_counter() - begun
+        counts.last = track
+        counts.bare += not track.ropes
+        for event in track.events:
+            print(f"frame {number} at {event}", flush=True)
+        if table is not None:
+            table.add(number, track)
+        if film is not None:
+            film.numbers.append(number)
+            film.tracks.append(track)
+            if options.rerun is not None:
+                film.clouds.append(np.concatenate([view.world_points for view in views]).astype(np.float32))
+    if counts.last is None and failed is not None:
+        raise failed
+    if not counts.frames and options.frame:
+        raise ValueError(f"--frame: {options.recording} has no frame from number {options.frame} on")
+    if counts.bare + counts.damaged == counts.frames:
+        raise strand.NotEnoughDataError(f"none of {counts.frames} frames supports an answer")
+    return counts
+
+
+_Shown = tuple[tuple[View, ...], tuple[float, ...], float | None]  # views, their times, the ropes' radius
+
+
+def _read_frames(
+    options: argparse.Namespace, source: FrameSource
+) -> Iterator[tuple[int, float | None, _Shown | Exception]]:
+    """Yield the number and the time of each frame, and its views or the error of a damaged one."""
+    last = -np.inf
+    for number, read in source:
+        try:
+            frame = read()
+        except (strand.StrandError, OSError) as error:
+            yield number, None, error
+            continue
+        require_depth(options.recording, frame)
+        times = source.find_times(number, frame)
+        if max(times) <= last:
+            reason = f"its time, {max(times):.6f} s, is not after that of the frame before, {last:.6f} s"
+            yield number, max(times), strand.StrandError(reason)
+            continue
+        last = max(times)
+        radius = frame.radius if options.radius is None else options.radius
+        bounds = frame.bounds if options.bounds is None else collect_arguments(options)["bounds"]
+        # without bounds, the tracker finds ropes by itself
+        views = frame.views if bounds is None else mask_ropes(frame.views, radius, bounds)
+        yield number, last, (tuple(views), times, radius)
+
+
+def _make_tracker(options: argparse.Namespace, radius: float | None) -> Tracker:
+    given = collect_arguments(options)
+    return Tracker(radius, given["ropes"], given["length"], config=given["config"])
+
+
+def _print_summary(counts: _Counts) -> None:
+    """Print the numbers of frames, and the ropes as the last frame has them."""
+    worked = counts.frames - counts.damaged
+    words = f"{worked} frames, {1e3 * counts.seconds / worked:.1f} ms each"
+    for count, what in ((counts.bare, "without a rope"), (counts.damaged, "not read")):
+        words += f", {count} {what}" if count else ""
+    print(f"\n{words}")
+    for rope in counts.last.ropes if counts.last is not None else ():
+        print(
+            f"rope {rope.number}: {1e3 * rope.length:.1f} ± {1e3 * rope.length_sd:.1f} mm, {rope.state}, "
+            f"seen {100 * rope.seen.mean():.0f} %, confidence {rope.confidence:.2f}"
+        )
+    print()

@@ -1,0 +1,61 @@
+"""The frames of a recording: the views of all cameras at one time, decoded or not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from strand.io.recordings.bags import Message
+from strand.views.view import View
+
+_SECOND = 10**9  # nanoseconds
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """The views of all cameras at one time.
+
+    Attributes
+    ----------
+    number : int
+        Number of the frame in the recording, from 0.
+    stamp : int
+        Time stamp of the first camera's message, nanoseconds since 1970.
+    views : tuple of View
+        One for each topic, in the order of `Recording.topics`.
+    stamps : tuple of int
+        Time stamp of each view's message, nanoseconds since 1970.
+    """
+
+    number: int
+    stamp: int
+    views: tuple[View, ...]
+    stamps: tuple[int, ...]
+
+    @property
+    def time(self) -> float:
+        """The time stamp, seconds since 1970."""
+        return self.stamp / _SECOND
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """The time stamps of all views, seconds since 1970."""
+        return tuple(stamp / _SECOND for stamp in self.stamps)
+
+
+@dataclass(frozen=True, eq=False)
+class UndecodedFrame:
+    """A frame whose messages are not decoded yet.
+
+    Attributes
+    ----------
+    number : int
+        Number of the frame in the recording, from 0.
+    messages : tuple of Message
+        One for each topic.
+    colors : tuple of (Message or None)
+        The colour image of each.
+    """
+
+    number: int
+    messages: tuple[Message, ...]
+    colors: tuple[Message | None, ...]
