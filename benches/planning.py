@@ -137,7 +137,7 @@ def main() -> int:
                 run, world = try_task(task, see, options.views, seed, film)
                 runs.append(run)
                 if film:
-                    _draw_film(world, options.film / f"{task}_{name.replace(' ', '_')}.png")
+                    draw_film(world, options.film / f"{task}_{name.replace(' ', '_')}.png")
             done = sum(run.done for run in runs)
             failed = [seed for seed, run in enumerate(runs, options.first) if not run.done]
             looks, seconds = (
@@ -150,7 +150,7 @@ def main() -> int:
     return 0
 
 
-def _draw_film(world: World, path: Path) -> None:
+def draw_film(world: World, path: Path) -> None:
     """Save three or six photos of a run in rows, the first and the last among them."""
     picked = np.linspace(0, len(world.film) - 1, 6 if len(world.film) > 5 else 3).round().astype(int)
     photos = [world.film[number][60:-100, 90:-90] for number in picked]

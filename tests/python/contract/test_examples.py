@@ -49,5 +49,12 @@ def test_the_planner_does_what_it_is_asked_to(tmp_path, task, left):
     assert run_example(tmp_path, "planner.py", task, "--seed", 6) == f"done: {left} crossings are left\n"
 
 
+def test_a_gripper_finds_a_place_of_a_rope_that_moves(tmp_path):
+    found = run_example(tmp_path, "tracking.py", "pick", "--seed", 4)
+    wanted, *ends = map(int, re.search(r"^done: wanted (\d+) mm, is at (\d+) or (\d+) mm", found).groups())
+    # either end of the rope may be the tracker's first one
+    assert min(abs(wanted - end) for end in ends) <= 15
+
+
 def test_the_planner_is_short():
     assert len((EXAMPLES / "planner.py").read_text().splitlines()) < 120
