@@ -38,6 +38,10 @@ eye, camera = np.eye(4), ((100.0, 100.0), (40.0, 30.0))
 fit = dict(motions=[eye], radius=0.1, pose_sd=(0.01, 0.01), reference=None, iterations=2)
 line = np.column_stack([np.linspace(0.0, 1.0, 40), np.zeros(40), np.zeros(40)])
 tubes = _core.TubeQueries([line], [line[:, 0]], [0.1])
+seen = [(depth, mask, None, camera, eye, 0.0, 0.0)]
+tracked = [(line, line, line, line, (0.02, 0.03), None, [None, None], [])]
+raced = [(*[points[:40]] * 4, (0.02, 0.03), None, [None, None], [])]
+frame = dict(steps=3, bias_gain=0.1)
 calls = {{
     "radius_outlier_mask": lambda: strand.radius_outlier_mask(points, 0.05, 3),
     "count_neighbors": lambda: strand.count_neighbors(points, 0.05),
@@ -79,6 +83,8 @@ calls = {{
     "draw_ropes": lambda: _core.draw_ropes(planes, mask, away, [(1, (60.0, 60.0, 60.0))], 2.5),
     "convolved": lambda: _core.convolved(flat, [0.5, 0.25]),
     "measure_heights": lambda: _core.measure_heights(depth, camera, eye, ((0, 0, 1.0), 0.5), None, 0.1),
+    "track_frame, images": lambda: _core.track_frame(seen, tracked, ((0, 0, -1.0), -1.0), 0.03, **frame),
+    "track_frame": lambda: _core.track_frame(seen, raced, None, 0.03, **frame),
     "find_standing": lambda: _core.find_standing(depth, mask, (-0.1, 0.1), [0.5, 0.25], 0.01, 0.3),
     "find_fullest_plane": lambda: _core.find_fullest_plane(points[:9], points[:9, 0], points, 0.1),
     "unproject, mask": lambda: _core.unproject(depth, *camera, mask),
