@@ -35,7 +35,7 @@ DRAG_HEIGHT = 0.02  # metres above the table
 
 
 class Sight(Protocol):
-    """What the tasks need to know of a rope."""
+    """The questions about a rope that the tasks ask."""
 
     def look(self, views: Sequence[strand.View], time: float) -> None:
         """Take the images of a time, seconds."""

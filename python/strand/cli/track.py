@@ -48,7 +48,7 @@ class _Film:
 
 @dataclass(eq=False)
 class _Counts:
-    """What was done."""
+    """Numbers of frames, and the last answer."""
 
     frames: int = 0
     damaged: int = 0

@@ -121,7 +121,7 @@ class SequenceFrame:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """What all frames of a sequence share.
+    """The parts that all frames of a sequence share.
 
     `seed` begins the seeds of random numbers. Without a `device`, depths have independent errors.
     """

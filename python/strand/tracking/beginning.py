@@ -1,4 +1,4 @@
-"""How a tracker begins: by answers to the first frames, until one is sure or several agree."""
+"""How a tracker begins: by answers to the first frames, until several agree."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from strand.ropes.model import Model
+from strand.ropes.summary import ACT_CONFIDENCE
 from strand.support.checks import Array
 from strand.tracking.frame import Frame
 from strand.tracking.laying import fit_length
 from strand.tracking.rope_state import TENTATIVE, TRACKING, RopeState, make_state, measure_arcs, resample
 
-SURE = 0.9  # confidence of an answer that is taken at once
 ASKED = 8  # first frames that are asked until answers agree
 _AGREED = 3  # answers that agree
 _AGREED_SURE = 2  # likewise, if one of them is sure
@@ -46,7 +46,7 @@ def choose_beginning(answers: Sequence[Beginning], ropes: int | None) -> tuple[B
         for i, (count, one) in enumerate(zip(votes, fit, strict=True))
     ]
     count, _, best = max(weights)
-    sure = any(agree(fit[best].model, one.model) and one.model.confidence >= SURE for one in fit)
+    sure = any(agree(fit[best].model, one.model) and one.model.confidence >= ACT_CONFIDENCE for one in fit)
     return fit[best], count >= (_AGREED_SURE if sure else _AGREED)
 
 

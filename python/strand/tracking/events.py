@@ -1,4 +1,4 @@
-"""What happens to tracked ropes: events, and the watch that notices crossings made and undone."""
+"""Events of tracked ropes, and the watch that notices crossings made and undone."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def watch_crossings(
 
 def find_track_crossings(ropes: Sequence[RopeState], up: Array) -> list[WatchedCrossing]:
     """Return where ropes cross as seen along `up`, beyond bends and ends."""
-    _, axes = Plane(up, 0.0).normal, Plane(up, 0.0).axes
+    axes = Plane(up, 0.0).axes
     nodes = np.concatenate([rope.nodes for rope in ropes])
     starts = np.cumsum([0] + [len(rope.nodes) for rope in ropes])
     segments = np.concatenate(

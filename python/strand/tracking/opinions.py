@@ -44,7 +44,7 @@ class _Pending:
 
 @dataclass(frozen=True, eq=False)
 class Entered:
-    """What another answer says: the ropes as it has them, if it is taken, and whether it agrees."""
+    """Another answer as it enters: the ropes as it has them, if it is taken, and whether it agrees."""
 
     step: Step | None
     agrees: bool

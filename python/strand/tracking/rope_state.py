@@ -1,4 +1,4 @@
-"""What a tracker knows of one rope."""
+"""The state of one tracked rope."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Hold:
 
 @dataclass(frozen=True, eq=False)
 class RopeState:
-    """What is known of a rope after a frame. Arrays have one entry for each of M nodes, metres and seconds.
+    """A rope after a frame. Arrays have one entry for each of M nodes, metres and seconds.
 
     Attributes
     ----------

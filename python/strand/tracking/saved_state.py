@@ -73,7 +73,7 @@ def _unpack_rope(packed: Mapping[str, NDArray[Any]]) -> RopeState:
 
 @dataclass(frozen=True, eq=False)
 class SavedState:
-    """What a tracker knows, without a reconstruction that runs beside it.
+    """All that a tracker knows, without a reconstruction that runs beside it.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a tracker is told."""
+"""The settings of a tracker."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from strand.support.checks import check_integer, check_positive
 
 @dataclass(frozen=True, eq=False)
 class Settings:
-    """What a tracker is told, as in `Tracker`; lengths in metres."""
+    """The arguments of `Tracker`, checked; lengths in metres."""
 
     radius: float | tuple[float, ...] | None
     ropes: int | None

@@ -16,8 +16,6 @@ from strand.tracking.rope_state import RopeState
 
 STEPS = 7  # of Gauss and Newton in a frame
 REPLAY_STEPS = 4  # in a frame that is gone through again
-
-
 _TIPS_SD = 2.0  # radii: of a length that both tips show
 _MOST_LONGER = 5.0  # radii: a rope whose tips are farther off is not followed well
 _BEYOND = 0.7  # radii by which a mask reaches beyond both tips of a rope
@@ -35,15 +33,12 @@ class Step:
     unexplained : float
         Share of the ropes' pixels that no rope explains.
     pixels : int
-    noise : float
-        Standard deviation of depth, radii.
     """
 
     ropes: tuple[RopeState, ...]
     biases: Array
     unexplained: float
     pixels: int
-    noise: float
 
     @property
     def misfit(self) -> float:
@@ -80,7 +75,7 @@ def step_ropes(
     if table is not None:
         x, y, z = (float(value) for value in table.normal)
         plane = (x, y, z), float(table.offset)
-    answers, found, noise, unexplained, pixels = track_frame(
+    answers, found, _, unexplained, pixels = track_frame(
         frame.list_cameras(biases), inputs, plane, elapsed, steps=steps, bias_gain=bias_gain, free=free
     )
     moved = tuple(
@@ -115,7 +110,7 @@ def step_ropes(
     after = np.array(biases, dtype=float)
     for (i, _, _), bias in zip(frame.images, found, strict=True):
         after[i] = bias
-    return Step(moved, after, unexplained, pixels, max(noise, default=0.0))
+    return Step(moved, after, unexplained, pixels)
 
 
 def adapt_length(rope: RopeState, longer: float | None, **found: Any) -> RopeState:

@@ -36,7 +36,7 @@ class _Row:
 
     @property
     def events(self) -> list[Event]:
-        """What happened to the rope since the frame before."""
+        """The events of the rope since the frame before."""
         if self.track is None or self.rope is None:
             return []
         return [event for event in self.track.events if event.rope == self.rope.number]

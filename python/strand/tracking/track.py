@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,7 @@ from strand.tracking.rope_state import RopeState
 if TYPE_CHECKING:
     from typing_extensions import Self
 
+_SPLINES = 64  # numbers of nodes whose weights are kept
 _SAMPLES = 4  # nodes of the answer for each of the tracker's
 _LEAST_SD = 0.15  # radii
 _DEVIATIONS = 2.0  # times the deviation of the fit: neighbouring pixels share errors
@@ -99,7 +101,7 @@ class TrackedRope(Chain):
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """What a tracker knows after a frame.
+    """The answer of a tracker after a frame.
 
     Attributes
     ----------
@@ -199,24 +201,20 @@ def _estimate_covariance(rope: RopeState, at: Array, age: Array, points: Array, 
     )
 
 
-_SPLINES: dict[int, Array] = {}
-
-
+@lru_cache(maxsize=_SPLINES)
 def _make_spline(count: int) -> Array:
     """Return the (K, count) weights of Catmull and Rom's spline at the answer's nodes."""
-    if count not in _SPLINES:
-        at = np.linspace(0.0, count - 1.0, (count - 1) * _SAMPLES + 1)
-        span = np.minimum(at.astype(int), count - 2)
-        x = at - span
-        values = 0.5 * np.stack(
-            [-x + 2 * x**2 - x**3, 2 - 5 * x**2 + 3 * x**3, x + 4 * x**2 - 3 * x**3, x**3 - x**2], axis=1
-        )
-        weights = np.zeros((len(at), count + 2))
-        np.put_along_axis(weights, span[:, None] + np.arange(4), values, axis=1)
-        # beyond an end, the rope goes on straight
-        weights[:, 1] += 2.0 * weights[:, 0]
-        weights[:, 2] -= weights[:, 0]
-        weights[:, -2] += 2.0 * weights[:, -1]
-        weights[:, -3] -= weights[:, -1]
-        _SPLINES[count] = weights[:, 1:-1]
-    return _SPLINES[count]
+    at = np.linspace(0.0, count - 1.0, (count - 1) * _SAMPLES + 1)
+    span = np.minimum(at.astype(int), count - 2)
+    x = at - span
+    values = 0.5 * np.stack(
+        [-x + 2 * x**2 - x**3, 2 - 5 * x**2 + 3 * x**3, x + 4 * x**2 - 3 * x**3, x**3 - x**2], axis=1
+    )
+    weights = np.zeros((len(at), count + 2))
+    np.put_along_axis(weights, span[:, None] + np.arange(4), values, axis=1)
+    # beyond an end, the rope goes on straight
+    weights[:, 1] += 2.0 * weights[:, 0]
+    weights[:, 2] -= weights[:, 0]
+    weights[:, -2] += 2.0 * weights[:, -1]
+    weights[:, -3] -= weights[:, -1]
+    return freeze_array(weights[:, 1:-1])

@@ -49,9 +49,8 @@ _USUAL_RADIUS = 0.005  # metres, until a rope is found
 class Tracker:
     """Follows ropes through the images of one camera or of several, frame after frame.
 
-    Ends keep their order, places keep their arc length, and hidden places are predicted and said to be.
-    A tracker
-    begins by itself: the first frames are reconstructed until an answer is sure or several agree. Later a
+    Ends keep their order, places keep their arc length, and hidden places are predicted and said to be. A
+    tracker begins by itself: the first frames are reconstructed until several answers agree. Later a
     reconstruction runs beside it on another thread. Its answer enters a fixed number of frames later, so
     equal frames give equal answers. Not safe to call from two threads at once.
 
@@ -63,7 +62,7 @@ class Tracker:
         The number of ropes; by default as many as the first answer has.
     length : float or sequence of float, optional
         The ropes' lengths, metres, as in `reconstruct`. Without it, a rope whose end is covered when it
-        begins is taken to go on below half of what covers it, and `length_sd` says how unsure that is.
+        begins is taken to go on for up to 3.5 radii below what covers it. `length_sd` says how unsure it is.
     model : Model, optional
         An answer for the first frame, for instance of other views. It may be a little older.
     config : Config, optional
@@ -216,7 +215,7 @@ class Tracker:
 
     @property
     def state(self) -> dict[str, NDArray[Any]]:
-        """What the tracker knows, as arrays by their names, which `numpy.savez` takes.
+        """The tracker's knowledge as arrays by their names, which `numpy.savez` takes.
 
         It leaves out a reconstruction that runs beside it. `Tracker.from_state` goes on from it.
         """
@@ -279,11 +278,7 @@ class Tracker:
         if self._settings.model is not None:
             chosen, certain = Beginning(self._settings.model, frame), True
         else:
-            found = self._opinions.ask(frame).result()
-            if found is None:
-                return
-            self._answers = [*self._answers, Beginning(found, frame)][-ASKED:]
-            choice = choose_beginning(self._answers, self._settings.ropes)
+            choice = self._choose(frame)
             if choice is None:
                 return
             chosen, certain = choice
@@ -341,11 +336,7 @@ class Tracker:
 
     def _begin_again(self, frame: Frame) -> None:
         """Ask another first frame, and begin anew if its answer is surer."""
-        found = self._opinions.ask(frame).result()
-        if found is None:
-            return
-        self._answers = [*self._answers, Beginning(found, frame)]
-        choice = choose_beginning(self._answers, self._settings.ropes)
+        choice = self._choose(frame)
         if choice is None:
             return
         chosen, certain = choice
@@ -354,6 +345,14 @@ class Tracker:
             self._start(keep_order(self._ropes, ropes), chosen, frame)
         elif certain:
             self._ropes = tuple(replace(rope, state=TRACKING) for rope in self._ropes)
+
+    def _choose(self, frame: Frame) -> tuple[Beginning, bool] | None:
+        """Ask a first frame; return the best answer so far, and whether it is certain."""
+        found = self._opinions.ask(frame).result()
+        if found is None:
+            return None
+        self._answers = [*self._answers, Beginning(found, frame)][-ASKED:]
+        return choose_beginning(self._answers, self._settings.ropes)
 
     def _take(self, step: Step) -> None:
         self._step, self._ropes, self._biases = step, step.ropes, step.biases

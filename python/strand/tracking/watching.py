@@ -9,6 +9,7 @@ import numpy as np
 
 from strand.geometry.plane import Plane
 from strand.ropes.model import Model
+from strand.ropes.summary import ACT_CONFIDENCE
 from strand.support.checks import Array
 from strand.tracking.frame import Frame
 from strand.tracking.laying import lay_ropes
@@ -19,8 +20,7 @@ UNEXPLAINED = 0.03  # of the ropes' pixels: above it, the ropes are doubted
 THROUGH = 0.08  # of a rope's samples: above it, likewise
 _GAIN_DOUBTED = 0.012  # by which another answer explains an image better, where the ropes are doubted
 _GAIN = 0.02  # likewise, where they are not
-_SURE = 0.9  # confidence of an answer that may be true although ropes explain the image too
-_AS_GOOD = 0.005  # by which such an answer may explain it worse
+_AS_GOOD = 0.005  # by which a sure answer with other ropes may explain an image worse
 _STRETCH = 0.06  # of the length: another answer that stretches a rope by more is refused
 _MOVED = 5.0  # radii: a node that another answer moves by more begins a new generation
 _MIN_CONFIDENCE = 0.05  # of an answer that is taken
@@ -71,7 +71,7 @@ def compare_opinion(
     gain = _GAIN_DOUBTED if doubted else _GAIN
     taken = [_take(before, after) for before, after in zip(step.ropes, other.ropes, strict=True)]
     moved = any(new.generation != old.generation for old, new in zip(step.ropes, taken, strict=True))
-    sure = model.confidence >= _SURE and len(model.chains) == len(step.ropes)
+    sure = model.confidence >= ACT_CONFIDENCE and len(model.chains) == len(step.ropes)
     return Opinion(
         replace(other, ropes=tuple(taken)),
         other.misfit <= step.misfit - gain,

@@ -75,8 +75,7 @@ impl Camera<'_> {
 
     /// Returns the place of the camera's frame that a pixel shows at a depth.
     pub fn lift(&self, u: f64, v: f64, z: f64) -> Point {
-        let ([fx, fy], [cx, cy]) = (self.pinhole.focal, self.pinhole.center);
-        [(u - cx) * z / fx, (v - cy) * z / fy, z]
+        self.pinhole.point(u, v, z)
     }
 
     /// Returns the index of the pixel at a column and a row.
