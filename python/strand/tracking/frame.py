@@ -108,16 +108,17 @@ def check_frame(views: Sequence[View | None], time: Any, last: Frame | None, int
     latest = max(times)
     if last is not None and not latest >= last.time + _LEAST_INTERVAL:
         raise ValueError(
-            f"time: expected a time after {last.time:g} s, that of the last frame, by {_LEAST_INTERVAL:g} s "
-            f"or more, got {latest:g}"
+            f"time: expected a time after {last.time:.15g} s, that of the last frame, by "
+            f"{_LEAST_INTERVAL:g} s or more, got {latest:.15g}"
         )
     for i, (view, at) in enumerate(zip(given, times, strict=True)):
         if view is not None and latest - at > _MOST_APART:
             raise ValueError(
-                f"time[{i}]: expected times within {_MOST_APART:g} s of each other, got {at:g} and {latest:g}"
+                f"time[{i}]: expected times within {_MOST_APART:g} s of each other, got {at:.15g} and "
+                f"{latest:.15g}"
             )
         if view is not None and last is not None and last.views[i] is not None and at <= last.times[i]:
-            raise ValueError(f"time[{i}]: expected a time after {last.times[i]:g} s, got {at:g}")
+            raise ValueError(f"time[{i}]: expected a time after {last.times[i]:.15g} s, got {at:.15g}")
     masks = tuple(
         None if view is None or view.image is None or view.mask is None else np.ascontiguousarray(view.mask)
         for view in given
