@@ -8,6 +8,7 @@ from strand.batch.settings import Settings
 from strand.batch.summary import write_summary
 from strand.batch.table import make_schema
 from strand.batch.units import Unit, find_units
+from strand.batch.writing import write_tracks
 
 __all__ = [
     "Counts",
@@ -21,6 +22,7 @@ __all__ = [
     "make_schema",
     "run",
     "write_summary",
+    "write_tracks",
 ]
 
 __dir__ = __all__.copy

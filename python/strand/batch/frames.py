@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from strand.batch.settings import Settings
-from strand.batch.units import BAG, IMAGES, Unit, list_images, open_bag
+from strand.batch.units import BAG, IMAGES, SCENES, Unit, list_images, list_scenes, open_bag
 from strand.io.budget import Budget
 from strand.io.recordings.frames import UndecodedFrame
 from strand.io.recordings.recording import Recording
@@ -66,6 +66,13 @@ def iterate_frames(
         for number in range(len(paths))[unit.start : unit.stop : settings.every]:
             own = {key: [files[number]] for key, files in (beside or {}).items()}
             yield number, partial(_read_image, paths[number], camera, settings, own)
+        return
+    if unit.kind == SCENES:
+        paths = list_scenes(unit.path)
+        if not paths:
+            raise FileFormatError(unit.path, "no scene is left")
+        for number in range(len(paths))[unit.start : unit.stop : settings.every]:
+            yield number, partial(_read_scene, paths[number], camera, settings)
         return
     # a scene that cannot be read cannot be opened, so this comes before the first frame
     scene = _read_scene(unit.path, camera, settings)

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from strand.batch.shards import VERSION_KEY, list_shards
+from strand.batch.shards import list_shards
 from strand.batch.table import SCHEMA_VERSION, make_schema
+from strand.batch.writing import VERSION_KEY
 from strand.geometry.plane import Plane
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import ModelWarning
@@ -20,6 +21,7 @@ from strand.ropes.seen_side import USUAL_UP
 from strand.support.checks import check_path, check_sequence, check_text
 from strand.support.extras import import_extra
 from strand.support.files import FileFormatError
+from strand.tracking.track import TrackedRope
 
 # kinds of warning that always name chains; a warning of another kind in all rows may be about none
 _KINDS_WITH_CHAINS = ("branch", "cut end")
@@ -75,8 +77,9 @@ def load_models(out: str | os.PathLike[str]) -> Iterator[tuple[str, int, Model]]
     frame : int
     model : Model
         It has the table's contents: chains with covariances, confidences, labels, colours and hidden ends,
-        the model's confidence, `up`, `table` and warnings. It has no poses, curves, doubts, joins and
-        alternatives. A warning names the chains in whose rows it stands, and has no place, amount or view.
+        the model's confidence, `up`, `table` and warnings. Tracked ropes are `TrackedRope`. It has no poses,
+        curves, doubts, joins and alternatives. A warning names the chains in whose rows it stands, and has no
+        place, amount or view.
 
     Raises
     ------
@@ -191,10 +194,16 @@ def _make_warnings(rows: Sequence[dict[str, Any]]) -> Iterator[ModelWarning]:
 
 def _make_chain(row: dict[str, Any]) -> Chain:
     covariance = row["covariance"]
-    return Chain(
+    motion: dict[str, Any] = {}
+    if row["state"] is not None:
+        motion = {name: row[name] for name in ("generation", "state", "length_sd")}
+        motion |= {name: np.array(row[name]) for name in ("velocity", "seen", "predicted", "age")}
+        motion |= {"number": row["rope"], "s": np.array(row["arc_length"])}
+    return (TrackedRope if motion else Chain)(
         np.array(row["nodes"]),
         row["radius"],
         row["closed"],
+        **motion,
         covariance=None if covariance is None else np.array(covariance).reshape(-1, 3, 3),
         confidence=float("nan") if row["confidence"] is None else row["confidence"],
         label=row["label"],

@@ -7,18 +7,24 @@ from collections.abc import Iterator
 from typing import Any
 
 from strand._core import __version__
+from strand.batch.following import Follower, find_times, mask_frame
 from strand.batch.frames import FrameInput, iterate_frames
 from strand.batch.settings import Settings
 from strand.batch.table import Row, make_record_batch
-from strand.batch.units import Unit, describe_error
+from strand.batch.units import SCENE, Unit, describe_error
 from strand.reconstruction.finding.ropes import NoRopeError
 from strand.reconstruction.pipeline import reconstruct
 from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
+from strand.tracking.track import Track
+
+_SINGLE_SCENE = (
+    "ValueError: a scene is one frame; to track ropes, name the folder of the scenes of all frames"
+)
 
 
 def make_rows(unit: Unit, settings: Settings) -> Any:
-    """Reconstruct the frames of a unit, and return their rows.
+    """Reconstruct the frames of a unit, or follow the ropes through them, and return their rows.
 
     An error in a recording or a frame becomes a row. Within a unit, each frame's ropes have the same order
     of nodes as in the frames before.
@@ -39,21 +45,23 @@ def make_rows(unit: Unit, settings: Settings) -> Any:
     ImportError
         If a package that reads the recording is missing.
     """
-    return make_record_batch(list(_iterate_rows(unit, settings)), __version__, settings.digest)
+    return make_record_batch(list(iterate_rows(unit, settings)), __version__, settings.digest)
 
 
-def make_error_row(unit: Unit, settings: Settings, error: str) -> Any:
+def make_error_row(unit: Unit, error: str) -> Row:
     """Return the single row of a unit that has no result."""
-    return make_record_batch(
-        [Row(unit.recording, None, None, 0.0, error=error)], __version__, settings.digest
-    )
+    return Row(unit.recording, None, None, 0.0, error=error)
 
 
-def _iterate_rows(unit: Unit, settings: Settings) -> Iterator[Row]:
+def iterate_rows(unit: Unit, settings: Settings) -> Iterator[Row]:
+    """Yield the rows of `make_rows`."""
     if unit.error is not None:
-        yield Row(unit.recording, None, None, 0.0, error=unit.error)
+        yield make_error_row(unit, unit.error)
         return
-    frames, previous = iterate_frames(unit, settings), None
+    if settings.track and unit.kind == SCENE:
+        yield make_error_row(unit, _SINGLE_SCENE)
+        return
+    frames, previous, follower = iterate_frames(unit, settings), None, Follower(settings)
     # the number of the next frame; None until the recording is open
     number: int | None = None
     while True:
@@ -68,30 +76,36 @@ def _iterate_rows(unit: Unit, settings: Settings) -> Iterator[Row]:
             return
         if item is None:
             break
-        frame, (number, read) = None, item
+        stamp, track, (number, read) = None, None, item
         try:
             frame = read()
-            model = _reconstruct_frame(frame, settings, previous)
+            stamp = frame.time
+            if settings.track:
+                stamp = max(find_times(number, frame, settings))
+                track = follower.update(number, mask_frame(frame, settings))
+                model = track.model
+            else:
+                previous = model = _reconstruct_frame(frame, settings, previous)
         except ImportError:
             raise
         except Exception as error:
             seconds = time.perf_counter() - begun
-            yield _make_unanswered_row(unit, number, None if frame is None else frame.time, seconds, error)
+            yield make_unanswered_row(unit.recording, number, stamp, seconds, error)
         else:
-            previous = model
-            yield from _make_model_rows(unit, number, frame.time, model, time.perf_counter() - begun)
+            seconds = time.perf_counter() - begun
+            yield from make_model_rows(unit.recording, number, stamp, model, seconds, track)
         number += settings.every
     if number is None and unit.start == 0:
-        yield Row(unit.recording, None, None, 0.0, error="FileFormatError: no frame")
+        yield make_error_row(unit, "FileFormatError: no frame")
 
 
-def _make_unanswered_row(
-    unit: Unit, number: int, stamp: float | None, seconds: float, error: Exception
+def make_unanswered_row(
+    recording: str, number: int, stamp: float | None, seconds: float, error: Exception
 ) -> Row:
     """Return the row of a frame without a model; a frame without ropes is not an error."""
     if isinstance(error, NoRopeError):
-        return Row(unit.recording, number, stamp, seconds, warnings=[f"no rope: {error}"])
-    return Row(unit.recording, number, stamp, seconds, error=describe_error(error))
+        return Row(recording, number, stamp, seconds, warnings=[f"no rope: {error}"])
+    return Row(recording, number, stamp, seconds, error=describe_error(error))
 
 
 def _reconstruct_frame(frame: FrameInput, settings: Settings, previous: Model | None) -> Model:
@@ -107,18 +121,25 @@ def _reconstruct_frame(frame: FrameInput, settings: Settings, previous: Model | 
     )
 
 
-def _make_model_rows(
-    unit: Unit, number: int, stamp: float | None, model: Model, seconds: float
+def make_model_rows(
+    recording: str,
+    number: int,
+    stamp: float | None,
+    model: Model,
+    seconds: float,
+    track: Track | None = None,
 ) -> Iterator[Row]:
-    """Yield a row for each chain of a model, or one row if it has none."""
+    """Yield a row for each chain of a model, or one row if it has none; the model may be that of a track."""
     crossings = list_crossings(model.chains, model.up, model.doubts, model.confidence)
     warnings = [
         ({k for k in warning.chains if k < len(model.chains)}, f"{warning.kind}: {warning.message}")
         for warning in model.warnings
     ]
+    if track is not None and not track.ropes:
+        warnings.append((set(), "no rope: the tracker has found none so far"))
     for rope, chain in enumerate(model.chains) if model.chains else [(None, None)]:
         yield Row(
-            unit.recording,
+            recording,
             number,
             stamp,
             seconds,
@@ -129,4 +150,5 @@ def _make_model_rows(
             [crossing for crossing in crossings if crossing.over[0] == rope],
             up=model.up,
             table=model.table,
+            track=track,
         )

@@ -30,7 +30,18 @@ from strand.support.checks import (
 )
 from strand.support.files import convert_to_json
 from strand.support.lazy import lazy_property
+from strand.tracking.settings import check_settings
 from strand.views.box import Bounds, make_box
+
+RATE = 30.0  # frames per second of folders, which have no times
+
+# what makes no sense with a tracker, and why
+_NOT_TRACKED = {
+    "deadline": "a tracker has none",
+    "stretch": "a tracker goes through whole recordings",
+    "viewpoint": "it is for files of points, and a tracker needs depth images",
+    "camera_frame": "it is for files of points, and a tracker needs depth images",
+}
 
 DIGITS = 16
 """Number of hexadecimal digits of a digest in tables and file names."""
@@ -52,6 +63,12 @@ class Settings:
         Number of taken frames in a unit of work; by default a unit is a whole recording. With stretches, the
         batch opens each bag during the search to read its index. With `world` or several topics, each stretch
         first decodes all of a bag's messages; then give a tenth of its frames or more.
+    track : bool
+        Whether one `strand.Tracker` follows the ropes through the frames of each recording. A folder of
+        scenes is then one recording, with a scene for each frame. `deadline`, `stretch`, `viewpoint` and
+        `camera_frame` do not go with it.
+    rate : float, optional
+        With `track`, frames per second of folders, which have no times; by default 30.
     topics, world, tolerance, ignore_distortion, color_topics
         For bags, as in `strand.Recording`.
     intrinsics : (3, 3) array_like, optional
@@ -77,6 +94,8 @@ class Settings:
     deadline: float | None = None
     every: int = 1
     stretch: int | None = None
+    track: bool = False
+    rate: float | None = None
     topics: Sequence[str] | None = None
     world: str | None = None
     tolerance: float = TOLERANCE
@@ -95,6 +114,14 @@ class Settings:
         KnownCamera(self.viewpoint, self.camera_frame, self.intrinsics, self.depth_scale)
         check_bool("ignore_distortion", self.ignore_distortion)
         check_bool("outside", self.outside)
+        if check_bool("track", self.track):
+            for name, why in _NOT_TRACKED.items():
+                value = getattr(self, name)
+                if value is not None and value is not False:
+                    raise ValueError(f"{name}: not with track: {why}")
+            check_settings(self.radius, self.ropes, self.length, None, self.config)
+        elif self.rate is not None:
+            raise ValueError("rate: only with track, for the times of folders")
         # equal settings get the same form, and so the same digest
         checked: dict[str, Any] = {
             "radius": _check_lengths("radius", self.radius),
@@ -103,6 +130,7 @@ class Settings:
             "deadline": None if self.deadline is None else check_positive("deadline", self.deadline),
             "every": check_integer("every", self.every, 1),
             "stretch": None if self.stretch is None else check_integer("stretch", self.stretch, 1),
+            "rate": check_positive("rate", RATE if self.rate is None else self.rate) if self.track else None,
             "world": None if self.world is None else check_text("world", self.world),
             "tolerance": check_nonnegative("tolerance", self.tolerance),
             "intrinsics": None

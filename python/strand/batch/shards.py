@@ -18,9 +18,6 @@ from strand.batch.table import SCHEMA_VERSION
 from strand.batch.units import Unit
 from strand.support.files import FileFormatError, read_json, write_json
 
-VERSION_KEY = "strand.schema"
-"""Key of the schema's version in a shard's metadata."""
-
 SUFFIX = ".parquet"
 """Suffix of a shard's name."""
 

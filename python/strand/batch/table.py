@@ -1,4 +1,4 @@
-"""The table's schema: one row per rope of each frame, and one per frame without an answer."""
+"""The schema of tables: one row per rope of each frame, and one per frame without an answer."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ from strand.ropes.crossings import Crossing
 from strand.support.checks import Array
 from strand.support.columns import make_lists, make_nested_lists
 from strand.support.extras import import_extra
+from strand.tracking.events import Event
+from strand.tracking.track import Track, TrackedRope
 
-SCHEMA_VERSION = 2
-"""Version of the columns, which shards hold in their metadata as `strand.schema`."""
+SCHEMA_VERSION = 3
+"""Version of the columns, which files hold in their metadata as `strand.schema`."""
 
 VARYING_COLUMN = "seconds"
 """The only column in which two runs differ."""
@@ -33,12 +35,13 @@ class Row:
     frame : int or None
         None if the recording could not be opened.
     time : float or None
-        Time of the frame, seconds since 1970.
+        Time of the frame, seconds since 1970; of a tracked frame, that of its nodes.
     seconds : float
         Duration of the work on the frame, reading included.
     rope : int or None
-        Number of the chain in its model; None without a chain.
+        Number of the chain in its model, or of the tracked rope; None without a chain.
     chain : Chain or None
+        A `TrackedRope` if the ropes are tracked.
     model_confidence : float
         NaN without a model, or if its method has no confidence.
     warnings : sequence of str
@@ -51,6 +54,8 @@ class Row:
         `Model.up`; None without a model.
     table : Plane or None
         `Model.table`.
+    track : Track or None
+        The tracker's answer that has the rope.
     """
 
     recording: str
@@ -65,6 +70,7 @@ class Row:
     error: str | None = None
     up: Array | None = None
     table: Plane | None = None
+    track: Track | None = None
 
 
 @cache
@@ -94,6 +100,15 @@ def make_schema() -> Any:
             ("probability", pa.float64()),
         ]
     )
+    event = pa.struct(
+        [
+            ("kind", pa.string()),
+            ("s", pa.float64()),
+            ("under_rope", pa.int32()),
+            ("under_s", pa.float64()),
+            ("doubtful", pa.bool_()),
+        ]
+    )
     return pa.schema(
         [
             pa.field("recording", pa.string(), nullable=False),
@@ -114,6 +129,16 @@ def make_schema() -> Any:
             pa.field("table", place),
             pa.field("warnings", pa.list_(pa.string()), nullable=False),
             pa.field("crossings", pa.list_(crossing)),
+            pa.field("state", pa.string()),
+            pa.field("generation", pa.int32()),
+            pa.field("length_sd", pa.float64()),
+            pa.field("velocity", pa.list_(place)),
+            pa.field("seen", pa.list_(pa.bool_())),
+            pa.field("predicted", pa.list_(pa.bool_())),
+            pa.field("age", pa.list_(pa.float64())),
+            pa.field("image_times", pa.list_(pa.float64())),
+            pa.field("unexplained", pa.float64()),
+            pa.field("events", pa.list_(event)),
             pa.field("version", pa.string(), nullable=False),
             pa.field("configuration", pa.string(), nullable=False),
             pa.field("seconds", pa.float64(), nullable=False),
@@ -127,6 +152,8 @@ def make_record_batch(rows: Sequence[Row], version: str, configuration: str) -> 
     pa = import_extra("pyarrow")
     columns = make_schema()
     chains = [row.chain for row in rows]
+    tracked = [chain if isinstance(chain, TrackedRope) else None for chain in chains]
+    tracks = [row.track for row in rows]
     covariances = [None if chain is None else chain.covariance for chain in chains]
     values = {
         "recording": [row.recording for row in rows],
@@ -152,6 +179,21 @@ def make_record_batch(rows: Sequence[Row], version: str, configuration: str) -> 
         "warnings": [[_escape_bytes(text) for text in row.warnings] for row in rows],
         "crossings": [
             None if row.chain is None else [_convert_crossing(crossing) for crossing in row.crossings]
+            for row in rows
+        ],
+        "state": [None if rope is None else rope.state for rope in tracked],
+        "generation": [None if rope is None else rope.generation for rope in tracked],
+        "length_sd": [None if rope is None else rope.length_sd for rope in tracked],
+        "velocity": make_nested_lists([None if rope is None else rope.velocity for rope in tracked], 3),
+        "seen": make_lists([None if rope is None else rope.seen for rope in tracked], np.bool_),
+        "predicted": make_lists([None if rope is None else rope.predicted for rope in tracked], np.bool_),
+        "age": make_lists([None if rope is None else rope.age for rope in tracked]),
+        "image_times": [None if track is None else list(track.image_times) for track in tracks],
+        "unexplained": [None if track is None else track.unexplained for track in tracks],
+        "events": [
+            None
+            if row.track is None
+            else [_convert_event(event) for event in row.track.events if event.rope == row.rope]
             for row in rows
         ],
         "version": [version] * len(rows),
@@ -180,6 +222,17 @@ def _convert_crossing(crossing: Crossing) -> dict[str, Any]:
         "angle": crossing.angle,
         "sign": crossing.sign,
         "probability": _replace_nan(crossing.probability),
+    }
+
+
+def _convert_event(event: Event) -> dict[str, Any]:
+    under, under_s = (None, None) if event.under is None else event.under
+    return {
+        "kind": event.kind,
+        "s": event.s,
+        "under_rope": under,
+        "under_s": under_s,
+        "doubtful": event.doubtful,
     }
 
 

@@ -25,6 +25,9 @@ BAG = "bag"
 IMAGES = "images"
 """Kind of a folder of depth images."""
 
+SCENES = "scenes"
+"""Kind of a folder of scenes, one for each frame, whose ropes are tracked."""
+
 DEPTH_SUFFIXES = (".png", ".tif", ".tiff")
 """Suffixes of depth images in a folder."""
 
@@ -44,7 +47,7 @@ class Unit:
     path : str
         Its path.
     kind : str
-        `SCENE`, `BAG` or `IMAGES`.
+        `SCENE`, `BAG`, `IMAGES` or `SCENES`.
     digest : str or None
         Digest of the names, sizes and modification times of its files; None if they cannot be read.
     start : int
@@ -78,7 +81,8 @@ def find_units(
     """Yield the units of files and folders, each once, in the order of their names.
 
     The search skips links to folders and single files of one view, unless `given` names them. A path in
-    `given` that lies below another one comes last.
+    `given` that lies below another one comes last. Scenes of one folder are a single unit if the settings
+    have `track`; those beside depth images are skipped.
 
     Parameters
     ----------
@@ -119,7 +123,8 @@ def find_units(
                 f"recordings: {place} holds none: no folder with a {_DESCRIPTION}, {METADATA} or depth "
                 f"images, and no .npz, {', '.join(SUFFIXES)} file{hint}"
             )
-    for place, kind in _search_all(places, skipped):
+    found = _search_all(places, skipped)
+    for place, kind in _group_scenes(found, places) if settings.track else found:
         name = _name_recording(place, root_folder)
         try:
             unit = Unit(name, place, kind, _compute_input_digest(place, kind, skipped))
@@ -141,6 +146,25 @@ def _search_all(places: Sequence[str], skipped: str | None) -> Iterator[tuple[st
                 continue
             if nested and any(str(parent) in nested for parent in (path, *Path(path).parents)):
                 seen.add(path)
+            yield path, kind
+
+
+def _group_scenes(found: Iterator[tuple[str, str]], places: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield folders of scenes in the place of their scenes; a scene that the user names stays."""
+    given = set(places)
+    named = {place for place in given if not any(str(parent) in given for parent in Path(place).parents)}
+    frames: dict[str, set[str]] = {}
+    for path, kind in found:
+        folder = os.path.dirname(path)
+        if kind != SCENE or path in named:
+            yield path, kind
+            continue
+        if folder not in frames:
+            frames[folder] = set() if list_images(folder) else set(list_scenes(folder))
+            if frames[folder]:
+                yield folder, SCENES
+        if path not in frames[folder] and os.path.isdir(path):
+            # a folder that cannot be searched has a row with the reason
             yield path, kind
 
 
@@ -207,6 +231,33 @@ def list_images(folder: str) -> list[str]:
     ]
 
 
+def list_scenes(folder: str) -> list[str]:
+    """Return the paths of the scenes directly in a folder in the order of their names."""
+    with os.scandir(folder) as entries:
+        return sorted(
+            entry.path
+            for entry in entries
+            if entry.name.lower().endswith(".npz")
+            or (
+                entry.is_dir(follow_symlinks=False) and os.path.isfile(os.path.join(entry.path, _DESCRIPTION))
+            )
+        )
+
+
+def list_files(path: str, kind: str, skipped: str | None = None) -> list[str]:
+    """Return the paths of a recording's files; those of a folder without those in the folder `skipped`."""
+    if kind == IMAGES:
+        # other files in the folder are no frames
+        return list_images(path)
+    if kind == SCENES:
+        return [file for scene in list_scenes(path) for file in list_files(scene, SCENE, skipped)]
+    if os.path.isdir(path):
+        return _list_files_below(path, skipped)
+    if path.lower().endswith(".toml"):
+        return _list_files_below(os.path.dirname(path), skipped)
+    return [path]
+
+
 def _name_recording(path: str, root: Path) -> str:
     root_path = os.path.abspath(root)
     is_below = Path(path).is_relative_to(root_path) and path != root_path
@@ -223,16 +274,8 @@ def _compute_input_digest(path: str, kind: str, skipped: str | None) -> str:
     OSError
         If the recording cannot be read, or none of its files but a description.
     """
-    files = [path]
-    if kind == IMAGES:
-        # other files in the folder are no frames
-        files = list_images(path)
-    elif os.path.isdir(path):
-        files = _list_files_below(path, skipped)
-    elif path.lower().endswith(".toml"):
-        files = _list_files_below(os.path.dirname(path), skipped)
     parts, unreadable, any_read = [kind], None, False
-    for file in files:
+    for file in list_files(path, kind, skipped):
         try:
             status = os.stat(file)
         except OSError as error:

@@ -14,19 +14,20 @@ from pathlib import Path
 from strand.batch import Settings, write_summary
 from strand.batch.running import ENGINES, Counts
 from strand.batch.running import run as run_batch
+from strand.batch.settings import RATE
 from strand.cli import values
 from strand.cli.arguments import collect_arguments
-from strand.cli.inputs import choose_color_topics, load_intrinsics
+from strand.cli.inputs import collect_settings
 from strand.cli.options import add_camera, add_deadline, add_recording, add_ropes
 from strand.cli.terminal import print_message
-from strand.io.recordings.recording import TOLERANCE
 from strand.support.files import require_writable
 
 HINT = "write a table of the ropes of many recordings"
 DESCRIPTION = """\
 Reconstruct the ropes of many recordings, and write a folder of Parquet files
 with one row per rope. Finished work is skipped. A recording that is broken
-becomes a row with its error."""
+becomes a row with its error. With --track, ropes keep their numbers from frame
+to frame of a recording."""
 
 _PERIOD = 10.0  # seconds between two lines about the progress
 
@@ -78,6 +79,18 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--every", type=int, default=1, metavar="N", help="take every Nth frame of a recording (default: 1)"
     )
     command.add_argument(
+        "--track",
+        action="store_true",
+        help="follow the ropes through the frames of each recording with a tracker, as `strand track` does; "
+        "the scenes of a folder are then the frames of one recording",
+    )
+    command.add_argument(
+        "--rate",
+        type=float,
+        metavar="HZ",
+        help=f"with --track, frames per second of folders, which have no times (default: {RATE:g})",
+    )
+    command.add_argument(
         "--root",
         type=values.parse_path,
         metavar="DIR",
@@ -106,7 +119,15 @@ def run(options: argparse.Namespace) -> None:
         done = run_batch(
             options.recordings,
             options.out,
-            _make_settings(options),
+            Settings(
+                **collect_arguments(options),
+                **collect_settings(options),
+                stretch=options.stretch,
+                track=options.track,
+                rate=options.rate,
+                viewpoint=options.viewpoint,
+                camera_frame=options.camera_frame,
+            ),
             engine=options.engine,
             workers=options.workers,
             threads=options.threads,
@@ -132,25 +153,6 @@ def _check_summary(page: Path, out: Path) -> None:
     folder = Path(os.path.realpath(out))
     if Path(os.path.realpath(page)) in (folder, *folder.parents):
         raise ValueError(f"--summary: expected a file outside of the folder {out} (-o), got {page}")
-
-
-def _make_settings(options: argparse.Namespace) -> Settings:
-    return Settings(
-        **collect_arguments(options),
-        every=options.every,
-        stretch=options.stretch,
-        topics=options.topic,
-        world=options.world,
-        tolerance=TOLERANCE if options.tolerance is None else options.tolerance,
-        ignore_distortion=options.ignore_distortion,
-        intrinsics=load_intrinsics(options.intrinsics),
-        depth_scale=options.depth_scale,
-        color_topics=choose_color_topics(options),
-        viewpoint=options.viewpoint,
-        camera_frame=options.camera_frame,
-        max_bytes=options.max_bytes,
-        outside=options.outside,
-    )
 
 
 @contextmanager

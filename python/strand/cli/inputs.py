@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -72,6 +73,22 @@ def open_recording(options: argparse.Namespace) -> Recording:
         ignore_distortion=options.ignore_distortion,
         max_bytes=options.max_bytes,
     )
+
+
+def collect_settings(options: argparse.Namespace) -> dict[str, Any]:
+    """Return keyword arguments of `strand.batch.Settings`: how to read recordings."""
+    return {
+        "every": options.every,
+        "topics": options.topic,
+        "world": options.world,
+        "tolerance": TOLERANCE if options.tolerance is None else options.tolerance,
+        "ignore_distortion": options.ignore_distortion,
+        "intrinsics": load_intrinsics(options.intrinsics),
+        "depth_scale": options.depth_scale,
+        "color_topics": choose_color_topics(options),
+        "max_bytes": options.max_bytes,
+        "outside": options.outside,
+    }
 
 
 def choose_color_topics(options: argparse.Namespace) -> Sequence[str] | None:

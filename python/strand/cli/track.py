@@ -4,37 +4,38 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections import deque
 from collections.abc import Iterator
-from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 import strand
+from strand.batch.following import Follower, find_times, mask_frame
+from strand.batch.rows import make_model_rows, make_unanswered_row
+from strand.batch.settings import RATE
+from strand.batch.table import Row
+from strand.batch.writing import write_rows
 from strand.cli import values
-from strand.cli.arguments import collect_arguments
 from strand.cli.options import add_pinhole, add_recording, add_ropes
 from strand.cli.outputs import protect_inputs
 from strand.cli.terminal import flush_before_message, print_message
-from strand.cli.track_frames import RATE, FrameSource, require_depth
+from strand.cli.track_frames import FrameSource, require_depth
 from strand.report.rerun_tracks import write_track_recording
 from strand.report.track_page import write_track_report
 from strand.support.checks import Array
 from strand.support.extras import import_extra
-from strand.support.files import check_suffix, require_writable
-from strand.tracking.masking import mask_ropes
-from strand.tracking.tables import TrackTable, open_table
+from strand.support.files import check_suffix, replace_file, require_writable
 from strand.tracking.track import Track
-from strand.tracking.tracker import Tracker
-from strand.views.view import View
 
 HINT = "follow ropes through the frames of a recording"
 DESCRIPTION = """\
 Follow the same ropes through the frames of a recording, and write a Parquet
 file with one row per rope and frame, a page that plays them, or a recording
 for Rerun. Frames without masks get them from depth and colour, as in
-`strand reconstruct`. A frame that is damaged becomes a row with its error."""
+`strand reconstruct`. A frame that is damaged becomes a row with its error.
+For many recordings, use `strand batch --track`."""
 
 
 @dataclass(eq=False)
@@ -51,7 +52,7 @@ class _Counts:
     """Numbers of frames, and the last answer."""
 
     frames: int = 0
-    damaged: int = 0
+    failed: int = 0
     bare: int = 0
     seconds: float = 0.0
     last: Track | None = None
@@ -109,8 +110,13 @@ def run(options: argparse.Namespace) -> None:
     source = FrameSource(options)
     _check_outputs(options, source)
     film = None if options.report is None and options.rerun is None else _Film()
-    with nullcontext() if options.out is None else open_table(options.out) as table:
-        counts = _follow(options, source, table, film)
+    counts = _Counts()
+    rows = _follow(options, source, counts, film)
+    if options.out is None:
+        deque(rows, maxlen=0)
+    else:
+        with replace_file(options.out) as file:
+            write_rows(rows, file, source.settings.digest)
     _print_summary(counts)
     if options.out is not None:
         print(options.out)
@@ -153,83 +159,67 @@ def _check_outputs(options: argparse.Namespace, source: FrameSource) -> None:
 
 
 def _follow(
-    options: argparse.Namespace, source: FrameSource, table: TrackTable | None, film: _Film | None
-) -> _Counts:
-    """Follow the ropes through all frames, print events, and add the answers to the table and the film."""
-    counts, tracker, failed = _Counts(), None, None
-    for number, frame_time, shown in _read_frames(options, source):
+    options: argparse.Namespace, source: FrameSource, counts: _Counts, film: _Film | None
+) -> Iterator[Row]:
+    """Follow the ropes through all frames, print events, and yield the rows of the table."""
+    follower = Follower(source.settings)
+    first_error: Exception | None = None
+    for number, read in source:
         counts.frames += 1
-        if isinstance(shown, Exception):
-            failed = failed or shown
-            counts.damaged += 1
-            flush_before_message()
-            print_message(f"strand: warning: frame {number}: {shown}")
-            if table is not None:
-                table.add_error(number, frame_time, f"{type(shown).__name__}: {shown}")
-            continue
-        views, times, radius = shown
         begun = time.perf_counter()
-        tracker = tracker or _make_tracker(options, radius)
-        track = tracker.update(views, times)
-        counts.seconds += time.perf_counter() - begun
+        try:
+            frame = read()
+        except (strand.StrandError, OSError) as error:
+            first_error = first_error or error
+            yield _report_failed(source, counts, number, None, begun, error)
+            continue
+        require_depth(options.recording, frame)
+        times = find_times(number, frame, source.settings)
+        updated = time.perf_counter()
+        try:
+            masked = mask_frame(frame, source.settings)
+            track = follower.update(number, masked)
+        except (strand.StrandError, ValueError) as error:
+            first_error = first_error or error
+            yield _report_failed(source, counts, number, max(times), begun, error)
+            continue
+        now = time.perf_counter()
+        counts.seconds += now - updated
         counts.last = track
         counts.bare += not track.ropes
         for event in track.events:
             print(f"frame {number} at {event}", flush=True)
-        if table is not None:
-            table.add(number, track)
+        if options.out is not None:
+            yield from make_model_rows(source.recording, number, track.time, track.model, now - begun, track)
         if film is not None:
             film.numbers.append(number)
             film.tracks.append(track)
             if options.rerun is not None:
-                film.clouds.append(np.concatenate([view.world_points for view in views]).astype(np.float32))
-    if counts.last is None and failed is not None:
-        raise failed
+                points = np.concatenate([view.world_points for view in masked.views])
+                film.clouds.append(points.astype(np.float32))
+    if counts.last is None and first_error is not None:
+        raise first_error
     if not counts.frames and options.frame:
         raise ValueError(f"--frame: {options.recording} has no frame from number {options.frame} on")
-    if counts.bare + counts.damaged == counts.frames:
+    if counts.bare + counts.failed == counts.frames:
         raise strand.NotEnoughDataError(f"none of {counts.frames} frames supports an answer")
-    return counts
 
 
-_Shown = tuple[tuple[View, ...], tuple[float, ...], float | None]  # views, their times, the ropes' radius
-
-
-def _read_frames(
-    options: argparse.Namespace, source: FrameSource
-) -> Iterator[tuple[int, float | None, _Shown | Exception]]:
-    """Yield the number and the time of each frame, and its views or the error of a damaged one."""
-    last = -np.inf
-    for number, read in source:
-        try:
-            frame = read()
-        except (strand.StrandError, OSError) as error:
-            yield number, None, error
-            continue
-        require_depth(options.recording, frame)
-        times = source.find_times(number, frame)
-        if max(times) <= last:
-            reason = f"its time, {max(times):.6f} s, is not after that of the frame before, {last:.6f} s"
-            yield number, max(times), strand.StrandError(reason)
-            continue
-        last = max(times)
-        radius = frame.radius if options.radius is None else options.radius
-        bounds = frame.bounds if options.bounds is None else collect_arguments(options)["bounds"]
-        # without bounds, the tracker finds ropes by itself
-        views = frame.views if bounds is None else mask_ropes(frame.views, radius, bounds)
-        yield number, last, (tuple(views), times, radius)
-
-
-def _make_tracker(options: argparse.Namespace, radius: float | None) -> Tracker:
-    given = collect_arguments(options)
-    return Tracker(radius, given["ropes"], given["length"], config=given["config"])
+def _report_failed(
+    source: FrameSource, counts: _Counts, number: int, at: float | None, begun: float, error: Exception
+) -> Row:
+    """Print why a frame has no answer, and return its row."""
+    counts.failed += 1
+    flush_before_message()
+    print_message(f"strand: warning: frame {number}: {error}")
+    return make_unanswered_row(source.recording, number, at, time.perf_counter() - begun, error)
 
 
 def _print_summary(counts: _Counts) -> None:
     """Print the numbers of frames, and the ropes as the last frame has them."""
-    worked = counts.frames - counts.damaged
+    worked = counts.frames - counts.failed
     words = f"{worked} frames, {1e3 * counts.seconds / worked:.1f} ms each"
-    for count, what in ((counts.bare, "without a rope"), (counts.damaged, "not read")):
+    for count, what in ((counts.bare, "without a rope"), (counts.failed, "with an error")):
         words += f", {count} {what}" if count else ""
     print(f"\n{words}")
     for rope in counts.last.ropes if counts.last is not None else ():

@@ -15,7 +15,6 @@ from shared.batch_recordings import SETTINGS, save_scenes
 from shared.browser import start_chromium
 from strand.batch import (
     Settings,
-    Unit,
     load_models,
     load_table,
     make_schema,
@@ -92,8 +91,7 @@ def test_warnings_name_the_chains_in_whose_rows_they_stand():
             ModelWarning("open pose", "twice", view=0),
         ],
     )
-    unit = Unit("a.npz", "/a.npz", "scene", "")
-    made = rows._make_model_rows(unit, 0, None, model, 0.0)
+    made = rows.make_model_rows("a.npz", 0, None, model, 0.0)
     table = [{"rope": row.rope, "warnings": row.warnings} for row in made]
     found = [(one.kind, one.message, one.chains) for one in reading._make_warnings(table)]
     assert sorted(found) == sorted((one.kind, one.message, one.chains) for one in model.warnings)
@@ -154,11 +152,11 @@ def test_shards_hold_the_version_of_the_schema_and_others_are_refused(batch, tmp
     _, out = batch
     for name in list_shards(out):
         said = pq.read_metadata(out / name).metadata
-        assert (said[b"strand.schema"], len(said[b"strand.input"])) == (b"2", 16)
+        assert (said[b"strand.schema"], len(said[b"strand.input"])) == (b"3", 16)
     (tmp_path / name).parent.mkdir()
     pq.write_table(load_table(out), tmp_path / name)
     with pytest.raises(
-        FileFormatError, match=r"strand\.schema: expected a shard with version 2 of the schema, got none"
+        FileFormatError, match=r"strand\.schema: expected a shard with version 3 of the schema, got none"
     ):
         load_table(tmp_path)
 

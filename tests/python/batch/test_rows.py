@@ -24,7 +24,8 @@ SCENE = strand.synthetic.scene("arc", seed=0, views=3)
 COLUMNS = (
     *("recording", "frame", "time", "rope", "nodes", "arc_length", "covariance", "radius", "closed"),
     *("confidence", "label", "color", "hidden_ends", "model_confidence", "up", "table", "warnings"),
-    *("crossings", "version", "configuration", "seconds", "error"),
+    *("crossings", "state", "generation", "length_sd", "velocity", "seen", "predicted", "age"),
+    *("image_times", "unexplained", "events", "version", "configuration", "seconds", "error"),
 )
 
 
@@ -77,6 +78,7 @@ def test_rows_hold_the_model_bit_for_bit(knot):
         assert (row["version"], row["configuration"]) == (strand.__version__, settings.digest)
         assert row["seconds"] > 0
         assert row["error"] is None
+        assert {row[name] for name in ("state", "velocity", "age", "image_times", "events")} == {None}
         assert {one["over_rope"] for one in row["crossings"]} <= {k}
         written += [(one["over_at"], one["under_rope"], one["probability"]) for one in row["crossings"]]
     assert sorted(written) == sorted((one.over[1], one.under[0], one.probability) for one in crossings)

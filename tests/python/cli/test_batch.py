@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
+import shutil
 import threading
 import time
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from lib.bag_files import START, Messages, write_bag
 from shared.batch_recordings import save_scenes
+from shared.sequence_files import K_WORDS, save_images
 from strand.batch import Counts, EngineError, Settings, load_table, local_engine
 from strand.cli import batch, main
-from strand.synthetic import color_scene
+from strand.synthetic import color_scene, sequence
 
 
 @pytest.fixture
@@ -86,6 +89,27 @@ def test_options_are_settings(folder):
     assert set(load_table("out", ["configuration"]).column(0).to_pylist()) == {settings.digest}
 
 
+def test_ropes_are_tracked(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    frames = list(sequence("still", seed=1, frames=3))
+    save_images(tmp_path / "in" / "film", frames)
+    shutil.rmtree(tmp_path / "in" / "film" / "masks")
+    words = [*K_WORDS, "--radius", "4mm", "--ropes", "1"]
+    assert main(["batch", "in", "-o", "out", "--track", "--rate", "15", *words, "--summary", "a.html"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "made     1 units, 3 rows, 0 of them errors",
+        "skipped  0 finished units",
+        "out",
+        "a.html",
+    ]
+    rows = load_table("out").drop_columns(["recording", "seconds"])
+    assert rows["time"].to_pylist() == [0.0, 1 / 15, 2 / 15]
+    assert rows["rope"].to_pylist() == [0, 0, 0]
+    # the table of `strand track` has the same rows
+    assert main(["track", "in/film", "-o", "a.parquet", "--rate", "15", *words]) == 0
+    assert pq.read_table("a.parquet").drop_columns(["recording", "seconds"]).cast(rows.schema).equals(rows)
+
+
 def test_progress_is_printed_while_no_unit_ends(folder, capsys, monkeypatch):
     def slow(recordings, out, settings, *, progress, **_):
         time.sleep(0.3)
@@ -141,11 +165,19 @@ def test_an_engine_error_is_one_line_with_an_exit_code(folder, capsys, monkeypat
         (["in", "-o", "out", "--threads", "1000"], 2),
         (["in", "-o", "out", "--address", "127.0.0.1:1"], 2),
         (["in", "-o", "out", "--radius", "-4mm"], 2),
+        (["in", "-o", "out", "--rate", "5"], 2),
+        (["in", "-o", "out", "--track", "--stretch", "5"], 2),
+        (["in", "-o", "out", "--track", "--deadline", "5"], 2),
+        (["in", "-o", "out", "--track", "--camera-frame"], 2),
     ],
 )
 def test_refused_batches_have_an_exit_code(folder, capsys, words, code):
     assert main(["batch", *words]) == code
-    assert capsys.readouterr().err.startswith("strand: error: ")
+    err = capsys.readouterr().err
+    assert err.startswith("strand: error: ")
+    if "--track" in words:
+        name = words[words.index("--track") + 1].strip("-").replace("-", "_")
+        assert f" {name}: not with track: " in err
     assert not (folder / "out").exists()
 
 

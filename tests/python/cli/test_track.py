@@ -12,6 +12,7 @@ import strand
 from lib.bag_files import START, Messages, write_bag
 from shared.scene_files import make_ply, write_scene
 from shared.sequence_files import K_WORDS, record, save_images, save_scenes, stamp_of
+from shared.tracks import check_rows
 from strand.cli import main
 
 COUNT = 4
@@ -32,25 +33,6 @@ def follow(made, shown):
     """Return the answers of a tracker for views and times."""
     tracker = strand.Tracker(made.radius, 1)
     return [tracker.update(views, times) for views, times in shown]
-
-
-def check_rows(path, tracks, numbers=None):
-    """Check a table against the answers of a tracker with one rope."""
-    rows = pq.read_table(path).to_pylist()
-    assert [row["frame"] for row in rows] == list(range(len(tracks)) if numbers is None else numbers)
-    for row, track in zip(rows, tracks, strict=True):
-        (rope,) = track.ropes
-        assert row["time"] == track.time
-        assert row["image_times"] == list(track.image_times)
-        assert row["error"] is None
-        assert (row["rope"], row["state"]) == (rope.number, rope.state)
-        assert (row["length"], row["length_sd"]) == (rope.length, rope.length_sd)
-        np.testing.assert_array_equal(row["nodes"], rope.points)
-        np.testing.assert_array_equal(row["velocity"], rope.velocity)
-        np.testing.assert_array_equal(np.reshape(row["covariance"], (-1, 3, 3)), rope.covariance)
-        for name in ("s", "seen", "predicted", "age"):
-            np.testing.assert_array_equal(row[name], getattr(rope, name))
-        assert [event["kind"] for event in row["events"]] == [event.kind for event in track.events]
 
 
 def test_a_recording_of_two_cameras_becomes_a_table(made, frames, tmp_path, capsys):
@@ -88,7 +70,7 @@ def test_a_folder_of_scenes_has_masks_and_a_radius(made, frames, tmp_path, capsy
     assert main(["track", str(folder), "--ropes", "1", "--rate", "20", "-o", str(out)]) == 0
     capsys.readouterr()
     shown = [([frame.view(0), frame.view(1)], frame.number / 20) for frame in frames]
-    check_rows(out, follow(made, shown))
+    check_rows(pq.read_table(out).to_pylist(), follow(made, shown))
 
 
 def test_a_folder_of_images_takes_masks_beside_them(made, frames, tmp_path, capsys):
@@ -103,7 +85,7 @@ def test_a_folder_of_images_takes_masks_beside_them(made, frames, tmp_path, caps
         depth = frames[k].depth[0]
         view = strand.View.from_depth(depth, made.intrinsics, depth_scale=1e-4, mask=frames[k].mask[0])
         shown.append(([view], k / 30))
-    check_rows(out, follow(made, shown), numbers)
+    check_rows(pq.read_table(out).to_pylist(), follow(made, shown), numbers)
     (folder / "masks" / "003.png").unlink()
     capsys.readouterr()
     assert main(words) == 2
@@ -119,7 +101,7 @@ def test_damaged_frames_and_frames_out_of_order_are_rows_with_an_error(made, fra
     said = capsys.readouterr()
     assert "strand: warning: frame 2: " in said.err
     assert f"{COUNT - 1} frames, " in said.out
-    assert ", 1 not read" in said.out
+    assert ", 1 with an error" in said.out
     rows = pq.read_table(out).to_pylist()
     assert [row["frame"] for row in rows if row["error"]] == [2]
     assert rows[2]["error"].startswith("FileFormatError: ")
@@ -132,8 +114,9 @@ def test_damaged_frames_and_frames_out_of_order_are_rows_with_an_error(made, fra
     path = record(tmp_path / "bag", frames[:3], [("/camera_0/depth", stamp_of(frames[2]) + 1, again)])
     words = ["--topic", "/camera_0/depth", "--radius", f"{made.radius}", "-o", str(out)]
     assert main(["track", str(path), *words]) == 0
-    assert "frame 3: its time, " in capsys.readouterr().err
-    assert "is not after that of the frame before" in pq.read_table(out).to_pylist()[-1]["error"]
+    late = f"time: expected a time after {stamp_of(frames[2]) / 1e9:.15g} s, that of the last frame"
+    assert f"strand: warning: frame 3: {late}" in capsys.readouterr().err
+    assert late in pq.read_table(out).to_pylist()[-1]["error"]
 
 
 def test_frames_without_ropes_leave_no_file(tmp_path, capsys):
@@ -173,7 +156,7 @@ def folder(frames, tmp_path_factory):
         (["depth", "-o", "no/a.parquet"], 3, "no/a.parquet: No such file or directory"),
         (["depth", "-o", "a.parquet", "--report", "a.parquet"], 2, "expected different files"),
         (["depth", "-o", "a.parquet"], 2, "intrinsics: "),
-        (["depth", "-o", "a.parquet", *K_WORDS, "--rate", "0"], 2, "--rate: expected a positive number"),
+        (["depth", "-o", "a.parquet", *K_WORDS, "--rate", "0"], 2, "rate: expected a positive number"),
         (["depth", "-o", "a.parquet", *K_WORDS, "--frame", "-1"], 2, "--frame: expected at least 0"),
         (["depth", "-o", "a.parquet", *K_WORDS, "--every", "0"], 2, "every: expected at least 1"),
         (

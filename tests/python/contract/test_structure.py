@@ -29,7 +29,8 @@ FLOORS = {
         "config.py export synthetic",
         "ropes",
         "io reconstruction report",
-        "batch figures.py msgs.py tracking",
+        "figures.py msgs.py tracking",
+        "batch",
         "__init__.py",
         "cli",
         "__main__.py",
@@ -44,8 +45,8 @@ FLOORS = {
         "lib python",
     ),
 }
-MAX_FLOORS = 9  # in each language
-MAX_ARROWS = {PACKAGE: 67, CRATE: 80}  # between rooms
+MAX_FLOORS = 10  # in each language
+MAX_ARROWS = {PACKAGE: 68, CRATE: 80}  # between rooms
 MAX_ROOT_MODULES = 6  # files of Python at the root of the package
 MAX_ROOT_FOLDERS = 12  # folders there
 MAX_LINES = 450  # of a source file

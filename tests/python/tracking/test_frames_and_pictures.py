@@ -1,4 +1,4 @@
-"""Tables of tracks, sources of frames, and masks for a tracker; the pages and recordings that show tracks."""
+"""Sources of frames, and masks for a tracker; the pages and recordings that show tracks."""
 
 from __future__ import annotations
 
@@ -9,106 +9,20 @@ import sys
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 
 import strand
+from shared.tracks import NODES, make_tracks
 from strand.figures import write_track_recording, write_track_report
-from strand.tracking.events import Event
 from strand.tracking.following import follow
 from strand.tracking.masking import mask_ropes
-from strand.tracking.tables import make_schema, open_table, write_tracks
-from strand.tracking.track import Track, TrackedRope
 
-UP = np.array([0.0, 0.0, 1.0])
-NODES = 21
 LIMIT = 5_000_000  # bytes of a page
-
-
-def make_rope(number, shift=0.0, label=None):
-    """Return a straight rope of 200 mm, half of it predicted."""
-    s = np.linspace(0.0, 0.2, NODES)
-    predicted = s > 0.1
-    return TrackedRope(
-        np.stack([s, np.full(NODES, shift), np.full(NODES, 0.004)], axis=1),
-        0.004,
-        covariance=np.tile(1e-6 * np.diag([1.0, 2.0, 3.0]), (NODES, 1, 1)),
-        confidence=0.9 if number else float("nan"),
-        label=label,
-        number=number,
-        s=s,
-        velocity=np.tile([0.1, 0.0, 0.0], (NODES, 1)),
-        seen=~predicted,
-        predicted=predicted,
-        age=np.where(predicted, 0.2, 0.0),
-        length_sd=0.001,
-    )
 
 
 @pytest.fixture
 def tracks():
-    """Nothing, one rope, two ropes with events."""
-    happened = (
-        Event("crossing made", 0.2, 1, 0.05, (0, 0.15), True),
-        Event("begun", 0.2, 1),
-    )
-    return [
-        Track((), (), 0.0, (0.0,), 0.0, UP, None),
-        Track((make_rope(0),), (Event("begun", 0.1, 0),), 0.1, (0.1,), 0.01, UP, None),
-        Track((make_rope(0, 0.01), make_rope(1, 0.02, label=7)), happened, 0.2, (0.2,), 0.02, UP, None),
-    ]
-
-
-def test_a_row_is_a_rope_of_a_frame_with_its_events(tracks, tmp_path):
-    path = tmp_path / "tracks.parquet"
-    assert write_tracks(iter(tracks), path) == 3
-    assert pq.read_schema(path).remove_metadata().equals(make_schema())
-    assert pq.ParquetFile(path).metadata.metadata[b"strand.tracks"] == b"1"
-    rows = pq.read_table(path).to_pylist()
-    assert [(row["frame"], row["rope"]) for row in rows] == [(0, None), (1, 0), (2, 0), (2, 1)]
-    assert rows[0]["nodes"] is None
-    assert rows[0]["events"] == []
-    assert [row["confidence"] for row in rows] == [None, None, None, 0.9]
-    assert rows[3]["label"] == 7
-    np.testing.assert_array_equal(rows[3]["covariance"][5], (1e-6 * np.diag([1.0, 2.0, 3.0])).ravel())
-    assert rows[3]["predicted"] == (np.linspace(0.0, 0.2, NODES) > 0.1).tolist()
-    crossing, begun = rows[3]["events"]
-    assert crossing == {
-        "kind": "crossing made",
-        "s": 0.05,
-        "under_rope": 0,
-        "under_s": 0.15,
-        "doubtful": True,
-    }
-    assert (begun["kind"], begun["s"], begun["under_rope"]) == ("begun", None, None)
-    assert rows[2]["events"] == []
-
-
-def test_many_rows_are_written_in_parts_and_an_error_leaves_the_file(tracks, tmp_path):
-    path = tmp_path / "tracks.parquet"
-    write_tracks(tracks * 150, path)
-    file = pq.ParquetFile(path)
-    assert file.metadata.num_rows == 600
-    assert file.metadata.num_row_groups > 1
-    before = path.read_bytes()
-
-    def stop():
-        yield tracks[1]
-        raise strand.StrandError("enough")
-
-    with pytest.raises(strand.StrandError, match="enough"):
-        write_tracks(stop(), path)
-    assert path.read_bytes() == before
-    assert [one.name for one in tmp_path.iterdir()] == ["tracks.parquet"]
-    with open_table(path) as table:
-        table.add_error(3, None, "FileFormatError: damaged")
-    (row,) = pq.read_table(path).to_pylist()
-    assert (row["frame"], row["time"], row["rope"], row["error"]) == (
-        3,
-        None,
-        None,
-        "FileFormatError: damaged",
-    )
+    return make_tracks()
 
 
 class Counter:
