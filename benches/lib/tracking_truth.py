@@ -18,7 +18,6 @@ from strand.tracking.track import Track, TrackedRope
 
 RIGHT = 5.0  # radii: Fréchet distance below which a rope is right
 PLACES = 120  # along a rope, for the Fréchet distance
-FINE = 600  # places along the true rope, for the distance of points
 MATCHED = 4  # first frames in which ropes are matched with the true ones anew
 DEVIATIONS = 2.0
 SOON = 0.5  # s after an occlusion
@@ -190,7 +189,6 @@ def _judge(
         near = np.clip(np.searchsorted(own, at), 0, len(own) - 1)
         off = np.linalg.norm(there - line, axis=1)
         deviation = np.sqrt(np.trace(covariance[near], axis1=1, axis2=2))
-        fine = _resample(line, FINE)
         places = _place(rope, turned, PLACES)
         true = _resample(line, PLACES)
         frechet = measure_frechet(places, true)
@@ -200,7 +198,7 @@ def _judge(
                 frechet=frechet / radius,
                 turned=measure_frechet(places[::-1], true) < min(frechet, RIGHT * radius),
                 material=float(np.median(off)),
-                distance=float(np.linalg.norm(places[:, None] - fine, axis=2).min(axis=1).mean()),
+                distance=float(measure_distances(places, line).mean()),
                 within=float((off < DEVIATIONS * deviation).mean()),
                 predicted=int(predicted[near].sum()),
                 hidden=int(hidden.sum()),
@@ -225,6 +223,14 @@ def _place(rope: TrackedRope, turned: bool, count: int) -> Array:
 def _resample(line: Array, count: int) -> Array:
     at = np.linspace(0.0, len(line) - 1.0, count)
     return np.stack([np.interp(at, np.arange(len(line)), line[:, k]) for k in range(3)], axis=1)
+
+
+def measure_distances(places: Array, line: Array) -> Array:
+    """Return the distance of each of (K, 3) places from a line of (N, 3) points, metres."""
+    starts, ways = line[:-1], np.diff(line, axis=0)
+    off = places[:, None] - starts
+    shares = np.clip((off * ways).sum(axis=2) / np.square(ways).sum(axis=1), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(off - shares[..., None] * ways, axis=2).min(axis=1))
 
 
 def measure_frechet(one: Array, other: Array) -> float:

@@ -11,6 +11,7 @@ mod motion;
 mod nearest;
 pub(crate) mod openings;
 pub(crate) mod rope;
+mod slopes;
 #[cfg(test)]
 mod tests;
 mod tips;

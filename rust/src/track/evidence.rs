@@ -2,6 +2,7 @@
 
 use super::camera::{Camera, Pixel};
 use super::nearest::Nearest;
+use super::slopes::Slopes;
 use super::view::{Samples, Seen};
 use crate::geometry::Point;
 use crate::geometry::advance;
@@ -19,6 +20,7 @@ const MIN_SINE: f64 = 0.4; // of the angle between rope and ray, when depth is t
 const LEAST_NOISE: f64 = 0.08; // radii: depth noise
 const MOST_NOISE: f64 = 1.5; // radii: depth noise
 const PRECISE: f64 = 0.24; // radii: below this depth noise, the image's places along a rope are better than depth's
+const ROUND: f64 = 0.4; // radii: below this depth noise, depth shows that a rope is round
 const LATERAL_SD: f64 = 0.12; // radii: of a sample's mean across the rope
 const DEPTH_SD: f64 = 0.1; // radii: of a sample's mean depth, without noise
 const CORRELATED: f64 = 6.0; // pixels that share their error of depth
@@ -74,16 +76,19 @@ pub fn measure(
     let count = samples.len();
     let (mut number, mut all, mut deep_all) = (vec![0.0; count], vec![0.0; count], vec![0.0; count]);
     let (mut across, mut deep) = (vec![0.0; count], vec![0.0; count]);
+    let mut slopes = vec![Slopes::default(); count];
     for m in matches.iter().filter(|m| m.weight > 0.0 && !m.beyond) {
         let r = samples.radius[m.sample];
         let scale = 2.5 * (noise * radius).max(0.3 * r).max(2.0 * r * (1.0 - progress));
         let side = if m.across.abs() < MIDDLE * r { 1.0 } else { SIDE_WEIGHT };
-        let w = side / (1.0 + (m.deep / scale).powi(2));
+        let near = 1.0 / (1.0 + (m.deep / scale).powi(2));
+        let w = side * near;
         number[m.sample] += each;
         all[m.sample] += 1.0;
         deep_all[m.sample] += w;
         across[m.sample] += m.across;
         deep[m.sample] += w * m.deep;
+        slopes[m.sample].add(m.across, m.deep, r, near * near);
     }
     let mut evidence = Evidence {
         matches,
@@ -107,10 +112,12 @@ pub fn measure(
             continue;
         }
         let mean = across[j] / all[j];
-        evidence.across[j] = mean;
         let whole = part > FULL;
         let sd = LATERAL_SD * r * (1.0 / part.max(0.05)).sqrt() * if whole { 1.0 } else { 3.0 };
-        evidence.weights[j][0] = 1.0 / ((sd * loose).powi(2) * (1.0 + (mean / (FAR * r)).powi(2)));
+        let by_mask = 1.0 / ((sd * loose).powi(2) * (1.0 + (mean / (FAR * r)).powi(2)));
+        let (way, w) = if noise < ROUND { slopes[j].solve(r, noise * radius * loose) } else { (0.0, 0.0) };
+        evidence.across[j] = (by_mask * mean + w * way) / (by_mask + w);
+        evidence.weights[j][0] = by_mask + w;
         if deep_all[j] > 0.0 {
             evidence.deep[j] = deep[j] / deep_all[j];
             let random = (noise * radius).powi(2) * CORRELATED / number[j].max(1.0);

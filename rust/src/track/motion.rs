@@ -12,7 +12,7 @@ pub type Lower = [f64; 6];
 const SMOOTH_SD: f64 = 0.06; // radii: second differences of the displacement, without motion
 const SMOOTH_MOVED: f64 = 0.12; // of the way that the fastest node moves in a frame
 const STRETCH: f64 = 4.0; // times as large for first differences
-const BEND_SD: f64 = 0.15; // radii: third differences of the shape
+const BEND_SD: f64 = 0.1; // radii: third differences of the shape
 const BEND_LOOSE: f64 = 3.0; // deviations of them that count half
 const EDGE_SD: f64 = 0.02; // of the spacing: lengths between nodes
 const LAST_SD: f64 = 10.0; // radii: of the pull to where a node was last seen
@@ -20,6 +20,7 @@ const LAST_FROM: f64 = 12.0; // radii from the nearest node that is seen: where 
 const TABLE_SD: f64 = 0.4; // radii: depth in the table
 const MOST_STEP: f64 = 8.0; // radii that a node moves in a step
 const RIDGE: f64 = 1e-6; // 1/m²
+const HIDDEN_MIDDLE: usize = 3; // nodes
 const FREE: f64 = 0.02; // weight of the prediction where a rope was laid anew
 const FREE_SMOOTH: f64 = 3.0; // times as large differences there
 
@@ -39,6 +40,15 @@ pub struct Prior {
     pub last: Vec<Point>,
     /// Whether the rope was laid anew, so that the prediction says little.
     pub free: bool,
+}
+
+impl Prior {
+    /// Tells whether nodes between others that were seen were hidden.
+    pub fn hides_middle(&self) -> bool {
+        let first = self.hidden.iter().position(Option::is_none).unwrap_or(0);
+        let last = self.hidden.iter().rposition(Option::is_none).unwrap_or(0);
+        self.hidden[first..=last].iter().flatten().count() >= HIDDEN_MIDDLE
+    }
 }
 
 /// The normal equations of a rope's nodes.

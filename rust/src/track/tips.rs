@@ -26,6 +26,7 @@ const OPEN: f64 = 0.5; // radii: a tip below something is only moved out, by mor
 const MOST: f64 = 8.0; // radii: a tip is moved by no more in a step
 const TIP_SD: f64 = 0.35; // radii
 const COVER_SD: f64 = 1.0; // radii: of an end that something covers
+const COVER_FIRM: f64 = 0.2; // radii: likewise, where the rope's middle is hidden
 const LOOSE: f64 = 1.5; // radii: tips missed by this distance count half
 
 /// The end of a rope as an image shows it.
@@ -54,7 +55,7 @@ pub fn find(
     rope: usize,
     end: usize,
     (progress, moved): (f64, f64),
-    covered: Option<f64>,
+    (covered, is_firm): (Option<f64>, bool),
 ) -> Option<Tip> {
     let (start, stop) = (samples.starts[rope], samples.starts[rope + 1]);
     let tip = if end == 0 { start } else { stop - 1 };
@@ -120,14 +121,13 @@ pub fn find(
     }
     beyond = beyond.clamp(-MOST * r, MOST * r);
     // a gripper that covers an end moves with it: as much of the rope is hidden as before
-    let is_covered = is_blocked && beyond < OPEN * r;
+    let is_covered = is_blocked && (covered.is_some() || beyond < OPEN * r);
     let missed = if is_covered { beyond + covered.unwrap_or(-beyond) } else { beyond };
     let loose = LOOSE * r + 2.0 * moved;
     let doubt = 1.0 + (missed / loose).powi(2);
     // an end that is seen counts wherever it is; what covers another one may have let it go
-    let sd = if is_covered { COVER_SD * doubt } else { TIP_SD * doubt.sqrt() }
-        * r
-        * (1.0 + 2.0 * (1.0 - progress));
+    let cover = if is_firm { COVER_FIRM * doubt.sqrt() } else { COVER_SD * doubt };
+    let sd = if is_covered { cover } else { TIP_SD * doubt.sqrt() } * r * (1.0 + 2.0 * (1.0 - progress));
     Some(Tip { beyond, missed, is_covered, direction: outwards, weight: 1.0 / (sd * sd) })
 }
 

@@ -14,12 +14,12 @@ use crate::geometry::{advance, dot, sub};
 const MIN_PIXELS: usize = 30; // of all images: with fewer, nothing is seen
 const WINDOW: usize = 2 * SAMPLES; // samples on each side over which residuals are averaged
 const LEAST_MOTION: f64 = 0.004; // radii: standard deviation of a node's unforeseen motion
-const NOTICED: f64 = 0.08; // radii: mean residuals below this are noise
-const NOTICED_NOISE: f64 = 0.3; // of the depth noise: likewise
+const NOTICED: f64 = 0.06; // radii: mean residuals below this are noise
+const NOTICED_NOISE: f64 = 0.2; // of the depth noise: likewise
 const MOTION_SHARE: f64 = 0.7; // of a mean residual's square that is taken for motion
 const MOST_MOTION: f64 = 6.0; // radii
 const HIDDEN_LEAST: f64 = 0.2; // radii: standard deviation of a hidden node
-const HIDDEN_MORE: f64 = 0.3; // radii: that a frame adds
+const HIDDEN_MORE: f64 = 0.8; // radii: that a frame adds
 const TIPS_SD: f64 = 0.25; // radii: standard deviation of a slide that both tips show
 const TIP_NOISE: f64 = 0.3; // radii: tips missed by less are ragged
 const SLIDE_RATE: f64 = 0.7; // of the distance by which tips are missed
@@ -317,6 +317,7 @@ fn add_tips(
     rope: &mut Rope,
     equations: &mut Equations,
 ) -> ([Option<f64>; 2], [bool; 2]) {
+    let is_firm = prior.hides_middle();
     let mut missed = [None; 2];
     let mut covered_ends = [false; 2];
     for ((camera, (_, each)), (seen, evidence, _)) in cameras.iter().zip(read).zip(looks) {
@@ -324,7 +325,8 @@ fn add_tips(
             let at = (progress, prior.moved + prior.slack);
             let most = MOST_COVERED * rope.radius;
             let covered = rope.covers[end].filter(|&length| length < most);
-            let Some(tip) = tips::find(camera, samples, seen, evidence, *each, number, end, at, covered)
+            let Some(tip) =
+                tips::find(camera, samples, seen, evidence, *each, number, end, at, (covered, is_firm))
             else {
                 continue;
             };
@@ -332,6 +334,8 @@ fn add_tips(
                 rope.covers[end] = match (tip.is_covered, rope.covers[end]) {
                     (false, _) => None,
                     (true, None) => Some(-tip.beyond),
+                    // where the middle is hidden, nothing else tells where the rope slides
+                    (true, Some(length)) if is_firm => Some(length),
                     (true, Some(length)) => Some(length + COVER_SHARE * (-tip.beyond - length)),
                 };
             }
@@ -368,7 +372,6 @@ fn settle(
     let count = rope.len();
     let on = |j: usize| looks.iter().any(|look| look.1.on[j]);
     let tangents = find_tangents(&rope.nodes);
-    let noise = STEADY * rope.radius / (1.0 + rope.fastest() * elapsed / rope.radius);
     // along the rope, and the rest
     let changes: Vec<[f64; 4]> = (0..count)
         .map(|i| {
@@ -393,6 +396,8 @@ fn settle(
         found.hidden[i] = share < HIDDEN_NODE || covered;
         let [slide, ..] = changes[i];
         let aside = [changes[i][1], changes[i][2], changes[i][3]];
+        let speed = length(advance(rope.velocities[i], -dot(rope.velocities[i], tangents[i]), tangents[i]));
+        let noise = STEADY * rope.radius / (1.0 + speed * elapsed / rope.radius);
         let across = find_gain(length(aside) * elapsed, noise);
         let stretch = slide - common;
         let along = find_gain(stretch * elapsed, noise) * stretch + steady * common;
