@@ -19,6 +19,7 @@ _OFFSETS = 9  # places along a longer or shorter chain that are tried
 _ENOUGH = 0.004  # share of the mask by which one place along a chain is better than another
 _MOST_COVERED = 18.0  # radii beyond an end, where what covers it is sought
 _USUALLY_COVERED = 3.5  # radii of rope that a gripper hides beyond what is seen
+_COVER_ERROR = 0.35  # of what is taken to be covered: its deviation
 _LENGTH_ERROR = 0.01  # of the length: its deviation where both ends are seen
 _WINDOW = 3.0  # radii to each side of a place, in which masks support it
 _SUPPORT = 0.5  # share of these places that lie in a mask
@@ -80,7 +81,8 @@ def fit_length(points: Array, radius: float, length: float | None, frame: Frame)
     if length is None:
         more = [min(reach, _USUALLY_COVERED * radius) for reach in covered]
         s = np.linspace(-more[0], arcs[-1] + more[1], len(points))
-        return place_at(points, arcs, s), 0.5 * math.hypot(*more) + _LENGTH_ERROR * arcs[-1]
+        deviation = math.hypot(*(_COVER_ERROR * reach for reach in more), _LENGTH_ERROR * arcs[-1])
+        return place_at(points, arcs, s), deviation
     missing = length - arcs[-1]
     if missing < 0:
         return _cut(points, arcs, length, frame), 0.0

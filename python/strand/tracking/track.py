@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 _SPLINES = 64  # numbers of nodes whose weights are kept
 _SAMPLES = 4  # nodes of the answer for each of the tracker's
-_LEAST_SD = 0.15  # radii
-_DEVIATIONS = 2.0  # times the deviation of the fit: neighbouring pixels share errors
-_ALONG_SD = 0.25  # radii: along the rope, where a tip is seen
+_LEAST_SD = 0.04  # radii
+_DEVIATIONS = 2.3  # times the deviation of the fit: neighbouring pixels share errors
+_HIDDEN_DEVIATIONS = 4.2  # likewise, of hidden nodes: their motion from frame to frame is alike
+_ALONG_SD = 0.1  # radii: along the rope, where a tip is seen
 _ALONG_HIDDEN = 0.8  # radii: along the rope, where none is
-_DELAY = 0.004  # s of the fastest motion
-_HIDDEN_SPEED = 0.35  # of the fastest speed, by the age of the last sight
-_HIDDEN_FAR = 0.12  # of the distance along the rope to a node that was seen
+_ALONG_LENGTH = 0.2  # of the length's deviation: by which end arc lengths are off
+_AHEAD_SPEED = 0.5  # of the fastest speed, by the time ahead
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -155,7 +155,7 @@ def describe_rope(rope: RopeState, up: Array, ahead: float = 0.0) -> TrackedRope
     hidden = rope.hidden[np.rint(at).astype(int)]
     supported = np.interp(at, np.arange(count), rope.seen) >= 0.4
     points = weights @ nodes
-    covariance = _estimate_covariance(rope, at, age, points, ahead)
+    covariance = _estimate_covariance(rope, at, points, ahead)
     return TrackedRope(
         points,
         rope.radius,
@@ -176,28 +176,24 @@ def describe_rope(rope: RopeState, up: Array, ahead: float = 0.0) -> TrackedRope
     )
 
 
-def _estimate_covariance(rope: RopeState, at: Array, age: Array, points: Array, ahead: float) -> Array:
-    """Return (K, 3, 3) covariances: of the fit, of shared errors, of delay, and of what is hidden."""
+def _estimate_covariance(rope: RopeState, at: Array, points: Array, ahead: float) -> Array:
+    """Return (K, 3, 3) covariances: of the fit, of the time ahead, and of places along the rope."""
     count, r = len(rope.nodes), rope.radius
     low = np.minimum(at.astype(int), count - 2)
     x = (at - low)[:, None, None]
     fitted = (1.0 - x) * rope.covariances[low] + x * rope.covariances[low + 1]
-    seen = np.flatnonzero(~rope.hidden)
-    steps = np.abs(at[:, None] - seen).min(axis=1) if len(seen) else np.full(len(at), 0.5 * count)
-    fastest = float(np.linalg.norm(rope.velocities, axis=1).max())
     hidden = rope.hidden[np.rint(at).astype(int)]
-    unseen = (_HIDDEN_SPEED * fastest * age) ** 2 + (_HIDDEN_FAR * steps * rope.spacing) ** 2
-    shared = (_LEAST_SD * r) ** 2 + ((_DELAY + abs(ahead)) * fastest) ** 2 * (0.25 if ahead else 1.0)
-    alike = shared + np.where(hidden, unseen, 0.0)
+    times = np.where(hidden, _HIDDEN_DEVIATIONS, _DEVIATIONS)[:, None, None]
+    fastest = float(np.linalg.norm(rope.velocities, axis=1).max())
+    alike = (_LEAST_SD * r) ** 2 + (_AHEAD_SPEED * ahead * fastest) ** 2
     tangents = np.gradient(points, axis=0)
     tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-12)
     free = rope.hidden[0] and rope.hidden[-1]
     missed = 0.0 if rope.slid is None else 0.5 * abs(rope.slid)
-    along = ((_ALONG_HIDDEN if free else _ALONG_SD) * r) ** 2 + missed**2 + rope.length_sd**2
+    tip = (_ALONG_HIDDEN if free else _ALONG_SD) * r
+    along = tip**2 + missed**2 + (_ALONG_LENGTH * rope.length_sd) ** 2
     return np.asarray(
-        _DEVIATIONS**2 * fitted
-        + alike[:, None, None] * np.eye(3)
-        + along * tangents[:, :, None] * tangents[:, None, :]
+        times**2 * fitted + alike * np.eye(3) + along * tangents[:, :, None] * tangents[:, None, :]
     )
 
 

@@ -14,6 +14,7 @@ const SMOOTH_MOVED: f64 = 0.12; // of the way that the fastest node moves in a f
 const STRETCH: f64 = 4.0; // times as large for first differences
 const BEND_SD: f64 = 0.1; // radii: third differences of the shape
 const BEND_LOOSE: f64 = 3.0; // deviations of them that count half
+const END_BEND_SD: f64 = 0.5; // radii: second differences of the shape at the ends, which carry no moment
 const EDGE_SD: f64 = 0.02; // of the spacing: lengths between nodes
 const LAST_SD: f64 = 10.0; // radii: of the pull to where a node was last seen
 const LAST_FROM: f64 = 12.0; // radii from the nearest node that is seen: where that pull begins
@@ -136,6 +137,10 @@ impl Equations {
             let squared = dot(*bend, *bend) / (BEND_SD * r).powi(2);
             let w = 1.0 / ((BEND_SD * r).powi(2) * (1.0 + squared / (BEND_LOOSE * BEND_LOOSE)));
             self.add_differences_at(i, &[-1.0, 3.0, -3.0, 1.0], *bend, w);
+        }
+        let curves = difference(&rope.nodes, 2);
+        for i in [0, count - 3] {
+            self.add_differences_at(i, &[1.0, -2.0, 1.0], curves[i], 1.0 / (END_BEND_SD * r).powi(2));
         }
         for i in 0..count {
             if let Some(far) = prior.hidden[i] {

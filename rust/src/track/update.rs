@@ -339,7 +339,9 @@ fn add_tips(
                     (true, Some(length)) => Some(length + COVER_SHARE * (-tip.beyond - length)),
                 };
             }
-            if tip.is_covered && covered.is_none() {
+            // the other end, where it is seen, tells better where the rope slides
+            let is_told = rope.covers[1 - end].is_none() && !is_firm;
+            if tip.is_covered && (covered.is_none() || is_told) {
                 continue;
             }
             let j = if end == 0 { samples.starts[number] } else { samples.starts[number + 1] - 1 };
