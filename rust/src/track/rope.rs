@@ -38,7 +38,8 @@ pub struct Rope {
     pub radius: f64,
     /// Arc length from node to node, metres.
     pub spacing: f64,
-    /// By how far the tips said lately that the rope slid, towards its last node, metres; None if no tip was seen.
+    /// By how far the tips said in the last frames that the rope slid, towards its last node, metres; None if no tip was
+    /// seen.
     pub slid: Option<f64>,
     /// Length of rope that something covers at each end, metres; None at an end that is seen.
     pub covers: [Option<f64>; 2],

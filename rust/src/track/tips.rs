@@ -20,6 +20,7 @@ const LEAST_FILL: f64 = 0.3; // of a whole bin, inside the rope
 const NEARER: f64 = 2.6; // radii: something this much nearer hides the rope
 const BESIDE: f64 = 3.2; // radii: likewise, beside the tip
 const GRIPPING: f64 = 0.3; // radii: a gripper that holds the rope is this much nearer
+const GRIPPING_NOISE: f64 = 1.0; // of the depth noise: it is nearer by this much more
 const GRIPPING_PIXELS: usize = 6; // on every other row and column, that show it
 const WINDOW: f64 = 1.6; // radii: half the width of the place beside the tip
 const OPEN: f64 = 0.5; // radii: a tip below something is only moved out, by more than this
@@ -107,14 +108,19 @@ pub fn find(
         let near = |k: usize| {
             let [u, v] = pixel_of(k);
             let z = place(k)[2];
-            let [far, near] = camera.count_before([u, v], reach, z - BESIDE * r, z - GRIPPING * r);
+            let [far, near] = camera.count_before(
+                [u, v],
+                reach,
+                z - BESIDE * r,
+                z - (GRIPPING + GRIPPING_NOISE * evidence.noise) * r,
+            );
             camera.index(u, v).is_none() || far > 0 || near >= GRIPPING_PIXELS
         };
         let other = |k: usize| {
             let [u, v] = pixel_of(k);
             fill[k] < BARE && camera.index(u, v).is_some_and(|i| camera.mask[i])
         };
-        (last..(last + 4).min(bins)).any(near) || (last + 1..(last + 3).min(bins)).any(other)
+        (last..(last + 4).min(bins)).any(near) || (last + 1..(last + 3).min(bins)).all(other)
     };
     if first > 0 && middle(first) > 0.0 {
         return None;

@@ -21,10 +21,12 @@ const MOST_MOTION: f64 = 6.0; // radii
 const HIDDEN_LEAST: f64 = 0.2; // radii: standard deviation of a hidden node
 const HIDDEN_MORE: f64 = 0.8; // radii: that a frame adds
 const TIPS_SD: f64 = 0.25; // radii: standard deviation of a slide that both tips show
-const TIP_NOISE: f64 = 0.3; // radii: tips missed by less are ragged
+const TIP_NOISE: f64 = 0.8; // radii: tips missed by less in one frame are ragged
+const TIPS_NOISE: f64 = 0.2; // radii: likewise, in the mean of the last frames
+const SLID_SHARE: f64 = 0.3; // of the last frame in that mean
 const SLIDE_RATE: f64 = 0.7; // of the distance by which tips are missed
 const SLIDE_MOVED: f64 = 0.2; // of the unforeseen motion
-const SLIDE_SEEN: f64 = 0.12; // radii: of sliding, where a tip was seen
+const SLIDE_SEEN: f64 = 0.03; // radii: of sliding, where a tip was seen
 const SLIDE_HIDDEN: f64 = 0.12; // radii: likewise, where none was
 const GAIN: f64 = 0.65; // of new velocities
 const STEADY: f64 = 0.25; // radii: velocities of a rope at rest change half as much where a node is this near to its prediction
@@ -127,8 +129,9 @@ pub fn update(
             let both = tips[0].zip(tips[1]).filter(|_| covered == [false; 2]);
             longer[number] = both.map(|(first, last)| first + last);
             if step == 0 {
-                rope.slid = find_slide(tips);
-                prior.slack = measure_slack(rope, prior.surprise);
+                let slid = find_slide(tips);
+                rope.slid = slid.map(|x| rope.slid.map_or(x, |mean| mean + SLID_SHARE * (x - mean)));
+                prior.slack = measure_slack(rope, slid, prior.surprise);
             }
             equations.add_prior(rope, prior, &find_tangents(&rope.nodes), table);
             factors.push(equations.step(rope));
@@ -263,10 +266,11 @@ fn find_slide(tips: [Option<f64>; 2]) -> Option<f64> {
 }
 
 /// Returns by how much a rope may slide along itself in a frame, metres: what is far beyond the noise of tips is a slide.
-fn measure_slack(rope: &Rope, surprise: f64) -> f64 {
+fn measure_slack(rope: &Rope, slid: Option<f64>, surprise: f64) -> f64 {
     let r = rope.radius;
-    let (least, missed) =
-        rope.slid.map_or((SLIDE_HIDDEN, 0.0), |x| (SLIDE_SEEN, (x.abs() - TIP_NOISE * r).max(0.0)));
+    let beyond = |way: Option<f64>, noise: f64| way.map_or(0.0, |x| x.abs() - noise * r);
+    let missed = beyond(slid, TIP_NOISE).max(beyond(rope.slid, TIPS_NOISE)).max(0.0);
+    let least = if slid.is_some() { SLIDE_SEEN } else { SLIDE_HIDDEN };
     least * r + SLIDE_RATE * missed + SLIDE_MOVED * surprise
 }
 
