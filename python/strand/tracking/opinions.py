@@ -15,7 +15,7 @@ from strand.tracking.frame import Frame
 from strand.tracking.laying import trim_ends
 from strand.tracking.settings import Settings
 from strand.tracking.stepping import REPLAY_STEPS, Step, step_ropes
-from strand.tracking.watching import compare_opinion, is_doubtful
+from strand.tracking.watching import Opinion, compare_opinion, is_doubtful
 
 _LATENCY = 3  # frames after which an answer enters, whenever it is ready: equal frames give equal answers
 _PATIENCE = 3  # doubtful frames in a row before another answer is asked for
@@ -35,11 +35,10 @@ class _Past:
 
 @dataclass(frozen=True, eq=False)
 class _Pending:
-    """An answer that another thread works on: the number of its frame, and whether the ropes were doubted."""
+    """An answer that another thread works on, compared with the ropes, and the number of its frame."""
 
-    answer: Future[Model | None]
+    answer: Future[tuple[Model, Opinion | None] | None]
     asked: int
-    doubted: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +73,13 @@ class Opinions:
 
     def ask(self, frame: Frame) -> Future[Model | None]:
         """Reconstruct a frame on another thread."""
+        return self._second_thread.submit(_reconstruct, frame, self._settings)
+
+    @property
+    def _second_thread(self) -> Executor:
         if self._pool is None:
             self._pool = ThreadPoolExecutor(1, "strand-tracker")
-        return self._pool.submit(_reconstruct, frame, self._settings)
+        return self._pool
 
     def remember(self, frame: Frame, elapsed: float, step: Step) -> None:
         """Keep a frame until an answer to it may enter."""
@@ -88,34 +91,38 @@ class Opinions:
         self._pending = None
         self._doubtful, self._dissents, self._unconfirmed = 0, False, False
 
-    def watch(self, frame: Frame, step: Step, count: int, impossible: bool) -> None:
-        """Ask for another answer where the ropes do not explain a frame, and every now and then."""
-        empty = step.pixels < _MIN_PIXELS
+    def watch(self, count: int, table: Plane | None, impossible: bool, tentative: bool) -> None:
+        """Ask for another answer where the ropes do not explain a frame, and every now and then.
+
+        `count` is the number of the frame, the last that was remembered.
+        """
+        now = self._past[-1]
+        empty = now.step.pixels < _MIN_PIXELS
         back, self.blind = self.blind and not empty, empty
-        doubted = not empty and is_doubtful(step)
+        doubted = not empty and is_doubtful(now.step)
         self._doubtful = self._doubtful + 1 if doubted else 0
         self.since += 1
         every = _EVERY_UNCONFIRMED if self._unconfirmed or self._dissents else _EVERY
         due = back or impossible or self._doubtful >= _PATIENCE or self.since >= every
         if self._pending is None and due and not empty:
-            self._pending = _Pending(self.ask(frame), count, doubted or back or impossible)
+            doubted = doubted or back or impossible or tentative
+            answer = self._second_thread.submit(_compare, now, self._settings, table, doubted)
+            self._pending = _Pending(answer, count)
             self.since = 0
 
-    def enter(self, count: int, table: Plane | None, tentative: bool) -> Entered | None:
+    def enter(self, count: int, table: Plane | None) -> Entered | None:
         """Return what an answer says that is due in frame `count`; None if none is."""
         pending = self._pending
         if pending is None or count < pending.asked + _LATENCY:
             return None
         self._pending = None
-        model, past = pending.answer.result(), list(self._past)
-        if model is None or len(past) < _LATENCY:
+        answer, past = pending.answer.result(), list(self._past)
+        if answer is None or len(past) < _LATENCY:
             return None
-        first = past[0]
-        doubted = pending.doubted or tentative
-        opinion = compare_opinion(model, first.frame, first.step, table, first.elapsed, doubted)
+        model, opinion = answer
         before, self._dissents = self._dissents, opinion is not None and opinion.dissents
         if opinion is None or not (opinion.is_better or (before and self._dissents)):
-            agrees = confirms(model, first.step.ropes)
+            agrees = confirms(model, past[0].step.ropes)
             self._unconfirmed = self._unconfirmed and not agrees
             return Entered(None, agrees)
         self._dissents, self._unconfirmed = False, True
@@ -129,6 +136,16 @@ class Opinions:
             step = step_ropes(later.frame, step.ropes, step.biases, table, later.elapsed, steps=REPLAY_STEPS)
             self._past.append(_Past(later.frame, later.elapsed, step))
         return step
+
+
+def _compare(
+    past: _Past, settings: Settings, table: Plane | None, doubted: bool
+) -> tuple[Model, Opinion | None] | None:
+    """Reconstruct a frame, and compare the answer with the ropes after it."""
+    model = _reconstruct(past.frame, settings)
+    if model is None:
+        return None
+    return model, compare_opinion(model, past.frame, past.step, table, past.elapsed, doubted)
 
 
 def _reconstruct(frame: Frame, settings: Settings) -> Model | None:

@@ -328,7 +328,7 @@ class Tracker:
         impossible = self._judge(before, frame.time)
         if not frame.is_masked and not is_doubtful(step):
             self._learn(frame, self._ropes)
-        self._opinions.watch(frame, step, self._count, impossible)
+        self._opinions.watch(self._count, self._table, impossible, self._is_tentative)
 
     @property
     def _is_tentative(self) -> bool:
@@ -375,7 +375,7 @@ class Tracker:
 
     def _enter(self, frame: Frame) -> None:
         """Let an answer enter that was asked for a fixed number of frames ago."""
-        entered = self._opinions.enter(self._count, self._table, self._is_tentative)
+        entered = self._opinions.enter(self._count, self._table)
         if entered is None:
             return
         if entered.step is None:
