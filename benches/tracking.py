@@ -7,10 +7,10 @@ camera. The tracker is told the radius and the number of ropes; with `--lengths`
 `--anchors` where grippers hold them. It begins by itself.
 
 A frame is right if the Fréchet distance is below 5 radii, in the direction of the first frames. `material`
-is the error of points at the same arc length, `distance` that of the centreline. Lost frames have no
-answer, or a distance above 5 radii. `after` is the share of right frames in the half second after a rope
-was hidden by 15 % or more, and `recovery` the time until the first right one. `sd` is the share of points
-within two deviations.
+is the error of points at the same arc length. `distance` is that of the centreline: of all of it, and of the
+parts that nothing hides. Lost frames have no answer, or a distance above 5 radii. `after` is the share of
+right frames in the half second after a rope was hidden by 15 % or more, and `recovery` the time until the
+first right one. `sd` is the share of points within two deviations.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def main() -> int:
     titles = (
         "right",
         "material / mm",
-        "distance / mm",
+        "distance: all, seen / mm",
         "lost",
         "after",
         "recovery / s",
@@ -85,7 +85,10 @@ def summarize(group: Sequence[Watched]) -> list[str]:
     return [
         f"{right:.2f}",
         f"{1e3 * np.median([one.material for one in found]):.1f}",
-        f"{1e3 * np.median([one.distance for one in found]):.2f}",
+        ", ".join(
+            f"{1e3 * np.nanmedian([getattr(one, name) for one in found]):.2f}"
+            for name in ("distance", "seen_distance")
+        ),
         f"{lost:.3f}",
         f"{np.mean(after):.2f}" if after else "",
         f"{np.mean(recovery):.2f}" if recovery else "",

@@ -29,13 +29,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Judged:
-    """One rope in one frame; lengths in metres, `frechet` in radii."""
+    """One rope in one frame; lengths in metres, `frechet` in radii. `seen_distance` leaves out hidden parts."""
 
     time: float
     frechet: float
     turned: bool
     material: float
     distance: float
+    seen_distance: float
     within: float
     predicted: int
     hidden: int
@@ -192,13 +193,16 @@ def _judge(
         places = _place(rope, turned, PLACES)
         true = _resample(line, PLACES)
         frechet = measure_frechet(places, true)
+        distances = measure_distances(places, line)
+        is_seen = ~hidden[np.linalg.norm(places[:, None] - line, axis=2).argmin(axis=1)]
         judged.append(
             Judged(
                 time=frame.time,
                 frechet=frechet / radius,
                 turned=measure_frechet(places[::-1], true) < min(frechet, RIGHT * radius),
                 material=float(np.median(off)),
-                distance=float(measure_distances(places, line).mean()),
+                distance=float(distances.mean()),
+                seen_distance=float(distances[is_seen].mean()) if is_seen.any() else np.nan,
                 within=float((off < DEVIATIONS * deviation).mean()),
                 predicted=int(predicted[near].sum()),
                 hidden=int(hidden.sum()),

@@ -25,9 +25,9 @@ _SAMPLES = 4  # nodes of the answer for each of the tracker's
 _LEAST_SD = 0.04  # radii
 _DEVIATIONS = 2.3  # times the deviation of the fit: neighbouring pixels share errors
 _HIDDEN_DEVIATIONS = 4.2  # likewise, of hidden nodes: their motion from frame to frame is alike
-_ALONG_SD = 0.1  # radii: along the rope, where a tip is seen
+_ALONG_SD = 0.15  # radii: along the rope, where a tip is seen
 _ALONG_HIDDEN = 0.8  # radii: along the rope, where none is
-_ALONG_LENGTH = 0.2  # of the length's deviation: by which end arc lengths are off
+_ALONG_LENGTH = 0.25  # of the length's deviation: by which end arc lengths are off
 _AHEAD_SPEED = 0.5  # of the fastest speed, by the time ahead
 
 
