@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Judged:
-    """One rope in one frame; lengths in metres, `frechet` in radii. `seen_distance` leaves out hidden parts."""
+    """One rope in one frame; lengths in metres, `frechet` in radii; `seen_distance` without hidden parts."""
 
     time: float
     frechet: float
