@@ -87,7 +87,7 @@ def begin_ropes(
     known = _assign_lengths([chain.length for chain in chains], lengths)
     begun = []
     for number, (chain, length) in enumerate(zip(chains, known, strict=True)):
-        points, deviation = fit_length(np.asarray(chain.points), chain.radius, length, frame)
+        points, deviation = fit_length(chain, chains, length, frame)
         # a known length that the rope cannot have is not believed
         whole = float(measure_arcs(points)[-1]) if length is None or deviation > 0 else length
         state = make_state(number, points, chain.radius, whole, deviation, chain.label)

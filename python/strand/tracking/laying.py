@@ -10,6 +10,7 @@ import numpy as np
 
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
+from strand.tracking.covered_ends import extend_end, measure_cover
 from strand.tracking.frame import Frame
 from strand.tracking.rope_state import RopeState, measure_arcs, place_at
 
@@ -17,16 +18,11 @@ _SAME_LENGTH = 0.02  # of the length: a chain this much off is laid from end to 
 _SAME_LENGTH_RADII = 2.0  # radii: likewise
 _OFFSETS = 9  # places along a longer or shorter chain that are tried
 _ENOUGH = 0.004  # share of the mask by which one place along a chain is better than another
-_MOST_COVERED = 18.0  # radii beyond an end, where what covers it is sought
 _USUALLY_COVERED = 3.5  # radii of rope that a gripper hides beyond what is seen
 _COVER_ERROR = 0.35  # of what is taken to be covered: its deviation
 _LENGTH_ERROR = 0.01  # of the length: its deviation where both ends are seen
 _WINDOW = 3.0  # radii to each side of a place, in which masks support it
 _SUPPORT = 0.5  # share of these places that lie in a mask
-_AHEAD = 1.5  # radii beyond the end, where what covers it is sought first
-_FIRST = 6  # places half a radius apart, in one of which it begins
-_BESIDE = 1.5  # radii beside the straight way, where it counts too
-_NEARER = 2.0  # radii: what covers an end is this much nearer
 
 
 def lay_ropes(ropes: Sequence[RopeState], chains: Sequence[Chain]) -> tuple[Array, ...] | None:
@@ -70,12 +66,17 @@ def _assign(costs: Array) -> list[int]:
     return chosen
 
 
-def fit_length(points: Array, radius: float, length: float | None, frame: Frame) -> tuple[Array, float]:
+def fit_length(
+    chain: Chain, chains: Sequence[Chain], length: float | None, frame: Frame
+) -> tuple[Array, float]:
     """Return a chain's points, longer or shorter where its ends or its length tell so, and the deviation.
 
-    Something may cover an end, such as a gripper that holds it. Without a known length, the rope is
-    taken to go on below what covers it, as far as a gripper usually hides.
+    Something may cover an end, such as a gripper that holds it. The rope goes on to where it is seen again;
+    else, without a known length, as far as a gripper usually hides. `chains` are all that were found.
     """
+    radius, points = chain.radius, np.asarray(chain.points)
+    for _ in range(2):
+        points = extend_end(points, radius, chains, frame)[::-1]
     arcs = measure_arcs(points)
     covered = [measure_cover(line, radius, frame) for line in (points, points[::-1])]
     if length is None:
@@ -129,23 +130,3 @@ def trim_ends(chain: Chain, frame: Frame) -> Chain:
         return chain
     kept = points[held[0] : held[-1] + 1]
     return replace(chain, points=kept, curve=None, covariance=None, points_seen=None, views_seen=None)
-
-
-def measure_cover(points: Array, radius: float, frame: Frame) -> float:
-    """Return how far something nearer covers the way beyond the first point, metres; 0 if nothing does."""
-    ahead = np.arange(_AHEAD, _MOST_COVERED, 0.5)
-    line = place_at(points, measure_arcs(points), -ahead * radius)
-    reach = 0.0
-    for _, image, mask in frame.images:
-        z = (line - image.pose[:3, 3]) @ image.pose[:3, 2]
-        aside = np.cross(line[-1] - line[0], line.mean(axis=0) - image.pose[:3, 3])
-        aside *= _BESIDE * radius / max(float(np.linalg.norm(aside)), 1e-12)
-        covers = np.zeros(len(ahead), dtype=bool)
-        for shift in (-1.0, 0.0, 1.0):
-            rows, columns, inside = image.find_pixels(line + shift * aside)
-            r, c = np.where(inside, rows, 0), np.where(inside, columns, 0)
-            seen = image.blocked_depth[r, c]
-            covers |= inside & (seen > 0) & (seen < z - _NEARER * radius) & ~mask[r, c]
-        if covers[:_FIRST].any():
-            reach = max(reach, float(ahead[np.flatnonzero(covers)[-1]]) * radius)
-    return reach

@@ -155,3 +155,22 @@ fn a_rope_that_slides_is_found_by_its_tips() {
     }
     assert!((ropes[0].nodes[0][0] + 0.1).abs() < RADIUS, "{:?}", ropes[0].nodes[0]);
 }
+
+#[test]
+fn a_tip_that_sticks_out_of_what_covers_the_rope_is_found() {
+    let (mut depth, mut mask) = draw(0.0);
+    for v in 0..SIZE[1] {
+        for u in 170..190 {
+            (depth[v * SIZE[0] + u], mask[v * SIZE[0] + u]) = (0.5, false);
+        }
+    }
+    let mut ropes = [make_rope()];
+    for node in &mut ropes[0].nodes {
+        node[0] -= 0.003;
+    }
+    ropes[0].covers[1] = Some(0.0);
+    for _ in 0..4 {
+        update(&mut [see(&depth, &mask)], &mut ropes, Some(TABLE), OPTIONS);
+    }
+    assert!((ropes[0].nodes[19][0] - 0.1).abs() < RADIUS, "{:?}", ropes[0].nodes[19]);
+}

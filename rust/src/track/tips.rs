@@ -16,6 +16,7 @@ const BARE: f64 = 0.3; // fill below which a bin holds none
 const RUN: usize = 3; // bins of the shortest stretch of rope
 const GAP: usize = 2; // bins without rope that a stretch bridges
 const HOLE: usize = 7; // bins without rope between two stretches of one rope
+const COVERED_HOLE: f64 = 0.5; // share of a longer hole that something hides
 const LEAST_FILL: f64 = 0.3; // of a whole bin, inside the rope
 const NEARER: f64 = 2.6; // radii: something this much nearer hides the rope
 const BESIDE: f64 = 3.2; // radii: likewise, beside the tip
@@ -94,11 +95,12 @@ pub fn find(
         let index = camera.index(u, v);
         index.is_none() || camera.is_before(index, place(k)[2] - NEARER * r)
     };
+    let hidden: Vec<bool> = (0..bins).map(is_hidden).collect();
     let mut inside: Vec<f64> =
-        (0..bins).filter(|&k| middle(k) < -1.0 && raw[k] > 0.2 && !is_hidden(k)).map(|k| raw[k]).collect();
+        (0..bins).filter(|&k| middle(k) < -1.0 && raw[k] > 0.2 && !hidden[k]).map(|k| raw[k]).collect();
     let usual = if inside.is_empty() { 1.0 } else { upper_median(&mut inside) };
     let fill: Vec<f64> = raw.iter().map(|x| (x / usual.max(LEAST_FILL)).clamp(0.0, 1.0)).collect();
-    let (first, last) = find_run(&fill)?;
+    let (first, last) = find_run(&fill, &hidden)?;
     let mut beyond = (middle(last) - 0.5 * BIN + fill[last] * BIN) * r;
     if let Some(next) = fill.get(last + 1) {
         beyond += next * BIN * r;
@@ -137,8 +139,9 @@ pub fn find(
     Some(Tip { beyond, missed, is_covered, direction: outwards, weight: 1.0 / (sd * sd) })
 }
 
-/// Returns first and last bin of the stretch of rope that begins farthest inside. It goes on beyond holes in the mask.
-fn find_run(fill: &[f64]) -> Option<(usize, usize)> {
+/// Returns first and last bin of the stretch of rope that begins farthest inside. It goes on beyond holes in the mask, and
+/// beyond what hides the rope, such as a gripper from which the tip sticks out.
+fn find_run(fill: &[f64], hidden: &[bool]) -> Option<(usize, usize)> {
     let mut runs: Vec<(usize, usize, usize)> = Vec::new();
     for k in (0..fill.len()).filter(|&k| fill[k] > SOLID) {
         match runs.last_mut() {
@@ -149,7 +152,9 @@ fn find_run(fill: &[f64]) -> Option<(usize, usize)> {
     let begin = runs.iter().position(|run| run.2 >= RUN).unwrap_or(0);
     let mut found = *runs.get(begin)?;
     for run in &runs[begin + 1..] {
-        if run.2 >= RUN && run.0 - found.1 <= HOLE {
+        let hole = found.1 + 1..run.0;
+        let covered = hole.clone().filter(|&k| hidden[k]).count();
+        if run.2 >= RUN && (hole.len() < HOLE || covered as f64 >= COVERED_HOLE * hole.len() as f64) {
             found.1 = run.1;
         }
     }

@@ -363,3 +363,38 @@ def make_small(view):
 def test_wrong_settings_are_refused(options, error, message):
     with pytest.raises(error, match=message):
         strand.Tracker(**options)
+
+
+def test_a_rope_goes_on_to_where_its_tip_is_seen_again(still):
+    made, frames = still
+    frame, radius = frames[0], made.radius
+    view = frame.views[0]
+    length = made.spacings[0] * (len(frame.nodes[0]) - 1)
+    depth, mask = np.array(view.image.depth), np.array(view.mask)
+    for s in np.arange(4.5, 9.5, 0.5) * radius:
+        place = frame.nodes[0][round(s / made.spacings[0])]
+        rows, columns, _ = view.image.find_pixels(place[None])
+        half = round(2.5 * radius * made.intrinsics[0, 0] / depth[rows[0], columns[0]])
+        around = slice(rows[0] - half, rows[0] + half + 1), slice(columns[0] - half, columns[0] + half + 1)
+        depth[around], mask[around] = 0.9 * depth[around].min(), False
+    covered = strand.View.from_depth(depth, made.intrinsics, frame.poses[0], mask=mask)
+    tracker = strand.Tracker(radius, 1)
+    rope = tracker.update([covered], frame.time).ropes[0]
+    assert abs(rope.length - length) < 2.0 * radius
+
+
+def test_a_rope_at_rest_lies_still():
+    made, frames = draw("still", 40)
+    lines = np.array([track.ropes[0].points for track in track_all(made, frames)[20:]])
+    moved = np.linalg.norm(lines - lines.mean(axis=0), axis=2)
+    assert moved.mean() < 0.025 * made.radius
+
+
+def test_an_end_stays_straight_where_a_gripper_lets_go():
+    made = sequence("two", 5, frames=60)
+    for track in track_all(made, made)[45:]:
+        for rope in track.ropes:
+            for end in (rope.points[:13], rope.points[-13:]):
+                edges = np.diff(end, axis=0)
+                edges /= np.linalg.norm(edges, axis=1, keepdims=True)
+                assert (edges @ edges.mean(axis=0)).min() > 0.5
