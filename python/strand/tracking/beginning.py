@@ -11,14 +11,26 @@ from strand.ropes.model import Model
 from strand.ropes.summary import ACT_CONFIDENCE
 from strand.support.checks import Array
 from strand.tracking.frame import Frame
-from strand.tracking.laying import fit_length
-from strand.tracking.rope_state import TENTATIVE, TRACKING, RopeState, make_state, measure_arcs, resample
+from strand.tracking.laying import fit_length, trim_ends
+from strand.tracking.masks import find_mask, learn_colors
+from strand.tracking.rope_state import (
+    TENTATIVE,
+    TRACKING,
+    RopeState,
+    make_state,
+    measure_arcs,
+    place_at,
+    resample,
+)
 
 ASKED = 8  # first frames that are asked until answers agree
 _AGREED = 3  # answers that agree
 _AGREED_SURE = 2  # likewise, if one of them is sure
 _SAME = 2.5  # radii: mean distance of two answers that agree
 _SHARES = 60  # places along a rope that are compared
+_OUTER = 6.0  # radii at each end that may be something else
+_OUTER_SHARE = 0.2  # of the length: likewise, at most
+_BEYOND = 24.0  # radii beyond the ends, up to where masks show a tip
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +45,32 @@ class Beginning:
 
     model: Model
     frame: Frame
+
+
+def make_beginning(model: Model, frame: Frame) -> Beginning:
+    """Return an answer to a frame, with masks of its ropes in the images that have none.
+
+    Colours of the ropes' inner parts make these masks, because chains may go on along what holds an end.
+    """
+    if frame.is_masked:
+        return Beginning(model, frame)
+    inner, longer = [], []
+    for number, chain in enumerate(model.chains):
+        points, radius, length = np.asarray(chain.points), chain.radius, chain.length
+        rope = make_state(number, points, radius, length, 0.0, None)
+        arcs = rope.spacing * np.arange(len(rope.nodes))
+        margin = min(_OUTER * radius, _OUTER_SHARE * length)
+        inner.append(replace(rope, hidden=np.minimum(arcs, length - arcs) < margin))
+        more = _BEYOND * radius
+        line = place_at(points, measure_arcs(points), np.linspace(-more, length + more, len(points)))
+        longer.append(make_state(number, line, radius, length + 2.0 * more, 0.0, None))
+    masks = list(frame.masks)
+    for i, view in enumerate(frame.views):
+        if view is not None and view.image is not None and view.image.labels is None:
+            colors = learn_colors(view.image, inner, None)
+            masks[i] = find_mask(view.image, longer, model.table, colors, 0.0)
+    masked = replace(frame, masks=tuple(masks))
+    return Beginning(replace(model, chains=tuple(trim_ends(chain, masked) for chain in model.chains)), masked)
 
 
 def choose_beginning(answers: Sequence[Beginning], ropes: int | None) -> tuple[Beginning, bool] | None:
@@ -91,6 +129,9 @@ def begin_ropes(
         # a known length that the rope cannot have is not believed
         whole = float(measure_arcs(points)[-1]) if length is None or deviation > 0 else length
         state = make_state(number, points, chain.radius, whole, deviation, chain.label)
+        # what was added beyond the chain's ends is below something
+        to_chain = np.linalg.norm(state.nodes[:, None] - np.asarray(chain.points), axis=2).min(axis=1)
+        state = replace(state, hidden=to_chain > chain.radius)
         begun.append(replace(state, state=TRACKING if sure else TENTATIVE, confidence=chain.confidence))
     return tuple(begun)
 

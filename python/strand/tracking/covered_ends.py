@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
@@ -23,6 +24,7 @@ _TOGETHER = 3.0  # radii: they are this near to their middle
 _TIP_AREA = 1.0  # square radii in the image that they cover at least
 _TIP_PIXELS = 6  # likewise
 _FARTHEST = 0.9  # share of them before the tip
+_SOLID = 6  # pixels of the mask among a pixel and its neighbours; edges have fewer
 
 
 def extend_end(points: Array, radius: float, chains: Sequence[Chain], frame: Frame) -> Array:
@@ -39,14 +41,14 @@ def extend_end(points: Array, radius: float, chains: Sequence[Chain], frame: Fra
         off = places - points[0]
         far = np.linalg.norm(off, axis=1)
         ahead = (off @ out > _CONE * far) & (far > _AWAY * radius) & (far < reach + _TIP * radius)
-        places = places[ahead]
-        if not len(places):
+        # masks that were guessed by colour hold the edges of other things
+        solid = mask if frame.is_masked else _find_solid(mask)
+        places, solid = places[ahead], solid[rows[ahead], columns[ahead]]
+        free = np.linalg.norm(places[:, None] - lines, axis=2).min(axis=1) > _AWAY * radius
+        places, solid = places[free], solid[free]
+        if not solid.any():
             continue
-        nearest = np.linalg.norm(places[:, None] - lines, axis=2).min(axis=1)
-        places = places[nearest > _AWAY * radius]
-        if not len(places):
-            continue
-        middle = np.median(places, axis=0)
+        middle = np.median(places[solid], axis=0)
         places = places[np.linalg.norm(places - middle, axis=1) < _TOGETHER * radius]
         wide = radius * image.camera.focal[0] / image.distance
         if len(places) < max(_TIP_PIXELS, _TIP_AREA * wide * wide):
@@ -57,6 +59,14 @@ def extend_end(points: Array, radius: float, chains: Sequence[Chain], frame: Fra
         tip = float(np.quantile((places - middle) @ way, _FARTHEST))
         return np.concatenate([[middle + tip * way], points])
     return points
+
+
+def _find_solid(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the (H, W) pixels of a mask that have many others around them."""
+    height, width = mask.shape
+    padded = np.pad(mask.astype(np.int8), 1)
+    counts = sum(padded[r : r + height, c : c + width] for r in range(3) for c in range(3))
+    return np.asarray(mask & (counts >= _SOLID))
 
 
 def measure_cover(points: Array, radius: float, frame: Frame) -> float:

@@ -114,7 +114,7 @@ def _cut(points: Array, arcs: Array, length: float, frame: Frame) -> Array:
 
 def trim_ends(chain: Chain, frame: Frame) -> Chain:
     """Return a chain without ends outside the masks: a few false pixels may have drawn them there."""
-    if not frame.is_masked or chain.closed:
+    if chain.closed:
         return chain
     points = np.asarray(chain.points)
     on = np.zeros(len(points))

@@ -30,7 +30,8 @@ _SMOOTHING = 0.5  # pixels that each bin counts more
 _MOST_RATIO = 3.0  # logarithm of the ratio that colours give at most
 _HEIGHT = 0.7  # radii above the table: half way between its pixels and a rope's
 _HEIGHT_SHARE = 4.0  # logarithm of the ratio for each radius of height
-_MOST_HEIGHT = 2.0  # logarithm of the ratio that heights give at most
+_MOST_HIGH = 0.3  # logarithm of the ratio that heights give at most: hands and grippers are high, too
+_MOST_LOW = 2.0  # likewise, against a rope
 _NEARER = 5.0  # radii before the predicted rope: pixels there are something else
 _BEHIND = 4.0  # radii behind it: likewise
 _STEP = 0.5  # of a node: places along the predicted rope that are drawn
@@ -79,7 +80,7 @@ def find_mask(
         ratio += _compare_colors(image.colors[window], appearance)
     if table is not None:
         above, _, _ = _core.measure_heights(cut.depth, cut.camera, cut.pose, table, None, radius)
-        high = np.clip(_HEIGHT_SHARE * (above / radius - _HEIGHT), -_MOST_HEIGHT, _MOST_HEIGHT)
+        high = np.clip(_HEIGHT_SHARE * (above / radius - _HEIGHT), -_MOST_LOW, _MOST_HIGH)
         ratio += np.where(seen, high, 0.0)
         aside &= above > 2.0 * radius
     mask[window] = within & ~aside & (ratio > 0.0)
@@ -89,10 +90,10 @@ def find_mask(
 def learn_colors(
     image: DepthImage, ropes: Sequence[RopeState], before: Appearance | None
 ) -> Appearance | None:
-    """Return the colours of ropes that an image shows, and of what is beside them."""
+    """Return the colours of ropes that an image shows, and of what is beside them or hides them."""
     if image.colors is None:
         return before
-    near = _look_near(image, ropes, 0.0)
+    near = _look_near(image, ropes, 0.0, hidden=False)
     if near is None:
         return before
     window, distance, depth, radius, _ = near
@@ -141,8 +142,12 @@ def _spread(counts: Array) -> Array:
 _Near = tuple[tuple[slice, slice], Array, Array, float, float]
 
 
-def _look_near(image: DepthImage, ropes: Sequence[RopeState], elapsed: float) -> _Near | None:
+def _look_near(
+    image: DepthImage, ropes: Sequence[RopeState], elapsed: float, hidden: bool = True
+) -> _Near | None:
     """Return a window around the predicted ropes; there, the distance to them and their depth.
+
+    Without `hidden`, only their nodes that were seen count.
 
     Distances are in pixels, depths, the greatest radius and the way of the fastest node in metres.
     Depths are those of the nearest place of a rope.
@@ -151,6 +156,8 @@ def _look_near(image: DepthImage, ropes: Sequence[RopeState], elapsed: float) ->
     for rope in ropes:
         nodes = rope.nodes + elapsed * rope.velocities
         at = np.arange(0.0, len(nodes) - 1.0 + 1e-9, _STEP / 4.0)
+        if not hidden:
+            at = at[~(rope.hidden[at.astype(int)] | rope.hidden[np.ceil(at).astype(int)])]
         lines.append(np.stack([np.interp(at, np.arange(len(nodes)), nodes[:, k]) for k in range(3)], axis=1))
         fastest = max(fastest, float(np.linalg.norm(rope.velocities, axis=1).max()))
     places = np.concatenate(lines)

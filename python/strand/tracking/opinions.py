@@ -162,4 +162,6 @@ def _reconstruct(frame: Frame, settings: Settings) -> Model | None:
         return None
     if not model.chains or any(chain.closed for chain in model.chains):
         return None
+    if not frame.is_masked:
+        return model
     return replace(model, chains=tuple(trim_ends(chain, frame) for chain in model.chains))

@@ -21,6 +21,7 @@ from strand.tracking.beginning import (
     begin_ropes,
     choose_beginning,
     keep_order,
+    make_beginning,
 )
 from strand.tracking.events import Event, WatchedCrossing, watch_crossings, watch_ends
 from strand.tracking.frame import Frame, check_frame, make_past_frame
@@ -276,7 +277,7 @@ class Tracker:
     def _begin(self, frame: Frame) -> None:
         """Begin with the ropes of the first frames."""
         if self._settings.model is not None:
-            chosen, certain = Beginning(self._settings.model, frame), True
+            chosen, certain = make_beginning(self._settings.model, frame), True
         else:
             choice = self._choose(frame)
             if choice is None:
@@ -351,7 +352,7 @@ class Tracker:
         found = self._opinions.ask(frame).result()
         if found is None:
             return None
-        self._answers = [*self._answers, Beginning(found, frame)][-ASKED:]
+        self._answers = [*self._answers, make_beginning(found, frame)][-ASKED:]
         return choose_beginning(self._answers, self._settings.ropes)
 
     def _take(self, step: Step) -> None:

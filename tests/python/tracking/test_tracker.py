@@ -398,3 +398,16 @@ def test_an_end_stays_straight_where_a_gripper_lets_go():
                 edges = np.diff(end, axis=0)
                 edges /= np.linalg.norm(edges, axis=1, keepdims=True)
                 assert (edges @ edges.mean(axis=0)).min() > 0.5
+
+
+def test_a_rope_without_masks_ends_at_the_grippers_that_hold_it():
+    made = sequence("wave", 61, frames=1, color=True)
+    frame = made[0]
+    view = strand.View.from_depth(
+        frame.depth[0], made.intrinsics, frame.poses[0], frame.color[0], depth_scale=frame.depth_scale
+    )
+    rope = strand.Tracker(made.radius, 1).update([view], frame.time).ropes[0]
+    length = made.spacings[0] * (len(frame.nodes[0]) - 1)
+    assert abs(rope.length - length) < 3.0 * made.radius
+    off = min(measure_points(rope, frame.nodes[0]), key=lambda off: off.mean())
+    assert off.max() < 4.0 * made.radius
