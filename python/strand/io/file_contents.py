@@ -113,15 +113,21 @@ def _count_files(folder: Path) -> str:
 
 
 def _read_single_contents(path: Path, max_bytes: int) -> SingleContents:
-    seen = read_view_file(path, Budget(max_bytes))
+    budget = Budget(max_bytes)
+    seen = read_view_file(path, budget)
     try:
         if isinstance(seen, PointCloud):
-            view = seen.make_view(np.eye(4))
+            with budget.hold_cloud(path, seen.numbers):
+                view = seen.make_view(np.eye(4))
             none = len(seen.points) - view.dropped - len(view.points)
             return SingleContents(summarize_view(view, none), False, seen.viewpoint)
         whole = seen.dtype.kind == "u"
         # any pinhole will do, as no points are computed
-        image = summarize_view(View.from_depth(seen, np.eye(3), depth_scale=1.0 if whole else None))
+        with budget.hold_view(path, seen.size):
+            view = View.from_depth(seen, np.eye(3), depth_scale=1.0 if whole else None)
+        image = summarize_view(view)
+    except FileFormatError:
+        raise
     except (TypeError, ValueError) as error:
         raise FileFormatError.from_error(path, error) from error
     return SingleContents(replace(image, intrinsics=None), whole, None)

@@ -6,6 +6,9 @@ import os
 import re
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from math import prod
 from pathlib import Path
 from typing import IO, Any, BinaryIO
@@ -31,20 +34,68 @@ _ENTRY = re.compile(
 _TYPE = re.compile(r"[<>|=]?(?:[bifucSUV][1-9]\d{0,17}|\?|[Mm]8(?:\[\w{1,5}\])?)")
 
 
-def read_npy(path: Path, budget: Budget) -> NDArray[Any]:
-    """Return the array of an NPY file, of any shape and any plain type."""
+def read_npy(
+    path: Path, budget: Budget, shape: tuple[int, ...] | None = None, place: str | None = None
+) -> NDArray[Any]:
+    """Return the array of an NPY file, of any plain type.
+
+    An array of another shape than `shape`, if given, is not read; that error names `place`.
+    """
     with open_file(path) as file:
         size = os.fstat(file.fileno()).st_size
         if not size:
             raise FileFormatError(path, "the file is empty")
-        return _read_array(path, None, file, size, budget)
+        declared = _read_header(path, None, file, size, budget.max_bytes)
+        if shape not in (None, declared.shape):
+            reason = f"expected the depth image's shape {shape}, got {declared.shape}"
+            raise FileFormatError(path, reason, place)
+        budget.take(path, declared.nbytes)
+        return _read_numbers(path, None, file, declared)
+
+
+@dataclass(frozen=True)
+class Declared:
+    """An array as the header of an NPY file declares it.
+
+    Attributes
+    ----------
+    dtype : dtype
+    shape : tuple of int
+    fortran : bool
+        Whether the first index runs fastest.
+    left : int
+        Bytes that follow the header.
+    """
+
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+    fortran: bool
+    left: int
+
+    @property
+    def ndim(self) -> int:
+        """The number of dimensions."""
+        return len(self.shape)
+
+    @property
+    def size(self) -> int:
+        """The number of elements."""
+        return prod(self.shape)
+
+    @property
+    def nbytes(self) -> int:
+        """The bytes of the elements."""
+        return self.size * self.dtype.itemsize
 
 
 class Archive:
-    """An open NPZ archive whose arrays are read one by one; use it in a `with` statement."""
+    """An open NPZ archive whose arrays are read one by one; use it in a `with` statement.
 
-    def __init__(self, path: Path, budget: Budget) -> None:
-        self.path, self._budget = path, budget
+    The caller reserves the memory of an array by what `declare` says, before `read`.
+    """
+
+    def __init__(self, path: Path, max_bytes: int) -> None:
+        self.path, self._max_bytes = path, max_bytes
         self._file = open_file(path)
         try:
             self._zip = zipfile.ZipFile(_ShortReads(self._file))
@@ -70,8 +121,21 @@ class Archive:
         """Names of the arrays in the archive."""
         return [name[:-4] for name in self._members if name.endswith(".npy")]
 
+    def declare(self, name: str) -> Declared:
+        """Return what the header of an array declares."""
+        with self._open(name) as (_, declared):
+            return declared
+
     def read(self, name: str) -> NDArray[Any]:
         """Return an array by its name."""
+        with self._open(name) as (member, declared):
+            array = _read_numbers(self.path, name, member, declared)
+            member.read(1)  # the end: zipfile checks the checksum there
+            return array
+
+    @contextmanager
+    def _open(self, name: str) -> Iterator[tuple[IO[bytes], Declared]]:
+        """Open the member of an array after its header."""
         entry = self._members[name + ".npy"]
         if entry.flag_bits & _ENCRYPTED or entry.compress_type not in METHODS:
             raise FileFormatError(
@@ -79,13 +143,11 @@ class Archive:
             )
         try:
             with self._zip.open(entry) as member:
-                array = _read_array(self.path, name, member, entry.file_size, self._budget)
-                # zipfile checks the checksum only at the end of the member, so read the rest
-                left = entry.file_size - member.tell()
-                self._budget.take(self.path, left, name)
-                while member.read(_BLOCK):
-                    pass
-                return array
+                declared = _read_header(self.path, name, member, entry.file_size, self._max_bytes)
+                if declared.left != declared.nbytes:
+                    reason = f"expected {declared.nbytes} bytes after the .npy header, got {declared.left}"
+                    raise FileFormatError(self.path, reason, name)
+                yield member, declared
         except FileFormatError:
             raise
         except (*_DAMAGE, OSError) as error:
@@ -119,8 +181,8 @@ class _ShortReads:
         return data
 
 
-def _read_array(path: Path, place: str | None, file: IO[bytes], size: int, budget: Budget) -> NDArray[Any]:
-    """Read the array at the start of `size` bytes; leave the rest unread."""
+def _read_header(path: Path, place: str | None, file: IO[bytes], size: int, max_bytes: int) -> Declared:
+    """Read the header of the array at the start of `size` bytes."""
 
     def make_error(reason: str) -> FileFormatError:
         return FileFormatError(path, reason, place)
@@ -136,27 +198,31 @@ def _read_array(path: Path, place: str | None, file: IO[bytes], size: int, budge
     if len(field) < 2 or len(header) < max(length, 1):
         raise make_error("truncated in the .npy header")
     kind, fortran, shape = _parse_header(header, make_error)
-    count = prod(shape)
-    expected = count * kind.itemsize
-    held = size - 8 - len(field) - length
-    if expected > held or max(shape, default=0) > budget.max_bytes:
+    declared = Declared(kind, shape, fortran, size - 8 - len(field) - length)
+    if declared.nbytes > declared.left or max(shape, default=0) > max_bytes:
         raise make_error(
-            f"truncated: {shape} {kind} takes {expected} bytes, but {held} follow the .npy header"
+            f"truncated: {shape} {kind} takes {declared.nbytes} bytes, but {declared.left} follow the .npy "
+            "header"
         )
-    budget.take(path, expected, place)
-    flat = np.empty(count, dtype=kind)
+    return declared
+
+
+def _read_numbers(path: Path, place: str | None, file: IO[bytes], declared: Declared) -> NDArray[Any]:
+    """Read the elements of an array, whose memory is reserved."""
+    expected = declared.nbytes
+    flat = np.empty(declared.size, dtype=declared.dtype)
     view = memoryview(flat.view(np.uint8).data) if expected else memoryview(b"")
     done = 0
     while done < expected:
         block = file.read(min(_BLOCK, expected - done))
         if not block:
-            raise make_error(f"truncated: {done} of {expected} bytes")
+            raise FileFormatError(path, f"truncated: {done} of {expected} bytes", place)
         view[done : done + len(block)] = block
         done += len(block)
     try:
-        return flat.reshape(shape, order="F" if fortran else "C")
+        return flat.reshape(declared.shape, order="F" if declared.fortran else "C")
     except ValueError as error:  # more dimensions than NumPy supports
-        raise make_error(f"shape: {error}") from error
+        raise FileFormatError(path, f"shape: {error}", place) from error
 
 
 def _parse_header(header: bytes, make_error: Any) -> tuple[np.dtype[Any], bool, tuple[int, ...]]:

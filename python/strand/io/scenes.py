@@ -6,34 +6,34 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import prod
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.io.budget import MAX_BYTES, VIEW_BYTES, Budget
-from strand.io.npy import Archive
+from strand.io.budget import MAX_BYTES, Budget
+from strand.io.npy import Archive, Declared
 from strand.io.point_cloud import PointCloud
 from strand.io.scene_description import Description, parse_description
 from strand.io.single_view import KnownCamera, read_single_view
-from strand.io.view_files import (
-    COLOR_BYTES,
-    SUFFIXES,
-    collect_given,
-    read_images,
-    read_view_file,
-    require_one_each,
-)
+from strand.io.view_files import SUFFIXES, collect_given, read_images, read_view_file, require_one_each
 from strand.support.checks import Array, check_finite_array, check_integer
 from strand.support.files import TOML_BYTES, FileFormatError, read_toml
 from strand.views.box import Bounds, make_box
 from strand.views.view import View
 
 _TRUTH = re.compile(r"truth_[0-9]{1,9}")
-_DEPTH = 8  # bytes of a pixel's depth (float64)
-_MASK = 4  # bytes of a pixel's label (int32)
-_OCCLUDER = 1  # bytes of a pixel's occluder
+_SCALARS = ("depth_scale", "radius")  # arrays of one number
+# arrays of images beside the depth: the letters of their types, and these in words
+_IMAGES = {
+    "color": ("B", "uint8"),
+    "mask": ("?bBhHiIlLqQ", "of bools or whole numbers"),
+    "occluders": ("?bBhHiIlLqQ", "of bools or whole numbers"),
+}
+_COPIED = 9  # bytes of an element of other arrays that is checked: a float64 and a bool
+_MAX_NAME = 1 << 16  # longest name, bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,62 +210,68 @@ def load_scene(
 
 
 def _load_archive(path: Path, given: Mapping[str, Sequence[Path]], budget: Budget) -> Scene:
-    with Archive(path, budget) as archive:
-        wanted = {"depth", "depth_scale", "K", "poses", "box", "radius", "name", "color", "mask", "occluders"}
-        wanted -= set(given)
+    with Archive(path, budget.max_bytes) as archive:
+        wanted = {*_SCALARS, *_IMAGES, "depth", "K", "poses", "box", "name"} - set(given)
         names = [name for name in archive.names if name in wanted or _TRUTH.fullmatch(name)]
-        arrays = {name: archive.read(name) for name in names}
-    depth = arrays.get("depth", np.empty(0))
-    if depth.ndim == 3:
-        color = COLOR_BYTES if "color" in arrays else 0
-        color += _OCCLUDER if "occluders" in arrays else 0
-        budget.take(path, len(depth) * VIEW_BYTES + depth.size * (_DEPTH + _MASK + color), "depth")
-        require_one_each(given, len(depth))
-    views: list[dict[str, Any]] = [
-        read_images({key: files[number] for key, files in given.items()}, image.shape, budget)
-        for number, image in enumerate(depth if depth.ndim == 3 else ())
-    ]
-    try:
-        made = _make_scene(path.stem, arrays, views)
-        return replace(made, files=(path, *(one for files in given.values() for one in files)))
-    except (TypeError, ValueError) as error:
-        raise FileFormatError.from_error(path, error) from error
+        declared = {name: archive.declare(name) for name in names}
+        try:
+            _check_declared(declared)
+        except ValueError as error:
+            raise FileFormatError.from_error(path, error) from error
+        depth = declared["depth"]
+        for name, one in declared.items():
+            if name in _IMAGES:
+                budget.take_image(path, name, depth.size)
+            elif name != "depth":
+                budget.take(path, _COPIED * one.size, name)
+            budget.take(path, one.nbytes, name)
+        require_one_each(given, depth.shape[0])
+        views, pixels = depth.shape[0], prod(depth.shape[1:])
+        with budget.hold_view(path, pixels, views, "depth"):
+            arrays = {name: archive.read(name) for name in names}
+            images: list[dict[str, Any]] = [
+                read_images({key: files[i] for key, files in given.items()}, depth.shape[1:], budget)
+                for i in range(views)
+            ]
+            try:
+                made = _make_scene(path.stem, arrays, images)
+            except (TypeError, ValueError) as error:
+                raise FileFormatError.from_error(path, error) from error
+    return replace(made, files=(path, *(one for files in given.values() for one in files)))
+
+
+def _check_declared(declared: Mapping[str, Declared]) -> None:
+    """Raise ValueError unless the arrays of an archive have the shapes and types of a scene."""
+    missing = [key for key in ("depth", "depth_scale", "K", "poses") if key not in declared]
+    if missing:
+        raise ValueError(f"missing {', '.join(missing)}")
+    depth = declared["depth"]
+    if depth.dtype != np.uint16 or depth.ndim != 3:
+        raise ValueError(f"depth: expected (V, H, W) uint16, got {depth.shape} {depth.dtype}")
+    if not depth.shape[0]:
+        raise ValueError("depth: expected at least one image")
+    shapes = {"poses": (depth.shape[0], 4, 4), "K": (3, 3), "box": (2, 3), **dict.fromkeys(_SCALARS, ())}
+    for name, one in declared.items():
+        if name in _IMAGES:
+            shape = (*depth.shape, 3) if name == "color" else depth.shape
+            kinds, what = _IMAGES[name]
+            if one.shape != shape or one.dtype.char not in kinds:
+                raise ValueError(f"{name}: expected {shape} {what}, got {one.shape} {one.dtype}")
+        elif name in shapes and one.shape != shapes[name]:
+            raise ValueError(f"{name}: expected {shapes[name]}, got {one.shape}")
+        elif name == "name" and one.nbytes > _MAX_NAME:
+            raise ValueError(f"name: expected at most {_MAX_NAME} bytes, got {one.nbytes}")
 
 
 def _make_scene(name: str, arrays: dict[str, NDArray[Any]], images: list[dict[str, Any]]) -> Scene:
     """Return the scene of an archive's arrays, and of the images that the caller gives for each view."""
-    missing = [key for key in ("depth", "depth_scale", "K", "poses") if key not in arrays]
-    if missing:
-        raise ValueError(f"missing {', '.join(missing)}")
-    depth, poses = arrays["depth"], arrays["poses"]
-    if depth.dtype != np.uint16 or depth.ndim != 3:
-        raise ValueError(f"depth: expected (V, H, W) uint16, got {depth.shape} {depth.dtype}")
-    if not len(depth):
-        raise ValueError("depth: expected at least one image")
-    if poses.shape != (len(depth), 4, 4):
-        raise ValueError(f"poses: expected {(len(depth), 4, 4)}, got {poses.shape}")
     scale = _parse_scalar("depth_scale", arrays["depth_scale"])
-    if "color" in arrays:
-        seen = arrays["color"]
-        if seen.shape != (*depth.shape, 3) or seen.dtype != np.uint8:
-            raise ValueError(f"color: expected {(*depth.shape, 3)} uint8, got {seen.shape} {seen.dtype}")
-        _add_images(images, "colors", seen)
-    if "mask" in arrays:
-        labels = arrays["mask"]
-        if labels.shape != depth.shape or labels.dtype.kind not in "biu":
-            raise ValueError(
-                f"mask: expected {depth.shape} of bools or whole numbers, got {labels.shape} {labels.dtype}"
-            )
-        _add_images(images, "mask", labels)
-    if "occluders" in arrays:
-        hiding = arrays["occluders"]
-        if hiding.shape != depth.shape or hiding.dtype.kind not in "biu":
-            got = f"{hiding.shape} {hiding.dtype}"
-            raise ValueError(f"occluders: expected {depth.shape} of bools or whole numbers, got {got}")
-        _add_images(images, "occluders", hiding)
+    for key in _IMAGES:
+        for own, array in zip(images, arrays.get(key, ()), strict=False):
+            own["colors" if key == "color" else key] = array
     views = tuple(
         View.from_depth(image, arrays["K"], pose, depth_scale=scale, **own)
-        for image, pose, own in zip(depth, poses, images, strict=True)
+        for image, pose, own in zip(arrays["depth"], arrays["poses"], images, strict=True)
     )
     bounds = None
     if "box" in arrays:
@@ -277,11 +283,6 @@ def _make_scene(name: str, arrays: dict[str, NDArray[Any]], images: list[dict[st
     if "name" in arrays:
         name = _parse_text("name", arrays["name"])
     return Scene(name, views, bounds, radius, truth)
-
-
-def _add_images(images: list[dict[str, Any]], name: str, arrays: NDArray[Any]) -> None:
-    for own, array in zip(images, arrays, strict=True):
-        own[name] = array
 
 
 def _parse_text(name: str, array: NDArray[Any]) -> str:
@@ -338,12 +339,11 @@ def _load_view(files: Mapping[str, Path], pose: Array, description: Description,
     seen = read_view_file(path, budget)
     try:
         if isinstance(seen, PointCloud):
-            budget.take(path, VIEW_BYTES + seen.numbers * _DEPTH)
             for key, what in (("color", "colour images"), ("mask", "masks"), ("occluders", "occluders")):
                 if key in files:
                     raise ValueError(f"{key}: only depth images have {what}")
-            return seen.make_view(pose)
-        budget.take(path, VIEW_BYTES + seen.size * _DEPTH)
+            with budget.hold_cloud(path, seen.numbers):
+                return seen.make_view(pose)
         scale = None
         if seen.dtype == np.uint16:
             if description.depth_scale is None:
@@ -351,8 +351,9 @@ def _load_view(files: Mapping[str, Path], pose: Array, description: Description,
             scale = description.depth_scale
         if description.intrinsics is None:
             raise ValueError("a depth image needs a [camera] table with fx, fy, cx, cy")
-        images = read_images(files, seen.shape, budget)
-        return View.from_depth(seen, description.intrinsics, pose, depth_scale=scale, **images)
+        with budget.hold_view(path, seen.size):
+            images = read_images(files, seen.shape, budget)
+            return View.from_depth(seen, description.intrinsics, pose, depth_scale=scale, **images)
     except FileFormatError:  # names the image already
         raise
     except (TypeError, ValueError) as error:

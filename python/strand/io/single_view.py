@@ -10,14 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand.io.budget import VIEW_BYTES, Budget
+from strand.io.budget import Budget
 from strand.io.point_cloud import PointCloud
 from strand.io.view_files import read_images, read_view_file, require_one_each
 from strand.support.checks import Array, check_bool, check_intrinsics, check_positive, check_small_array
 from strand.support.files import FileFormatError
 from strand.views.view import View
-
-_FLOAT = 8  # bytes of a number in its arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +68,7 @@ def read_single_view(
     seen = read_view_file(path, budget)
     if isinstance(seen, PointCloud):
         viewpoint = _find_viewpoint(path, seen, camera, given)
-        budget.take(path, VIEW_BYTES + _FLOAT * seen.numbers)
-        with _name_file(path):
+        with _name_file(path), budget.hold_cloud(path, seen.numbers):
             return seen.make_view(np.eye(4)) if viewpoint is None else seen.make_view_from(viewpoint)
     camera.refuse(f"{path} is a depth image, always in its camera's frame", "viewpoint", "camera_frame")
     if camera.intrinsics is None:
@@ -85,9 +82,8 @@ def read_single_view(
             "0.001 for millimetres"
         )
     require_one_each(given, 1)
-    images = read_images({key: paths[0] for key, paths in given.items()}, seen.shape, budget)
-    budget.take(path, VIEW_BYTES + _FLOAT * seen.size)
-    with _name_file(path):
+    with _name_file(path), budget.hold_view(path, seen.size):
+        images = read_images({key: paths[0] for key, paths in given.items()}, seen.shape, budget)
         return View.from_depth(seen, camera.intrinsics, depth_scale=camera.depth_scale, **images)
 
 
@@ -117,5 +113,7 @@ def _name_file(path: Path) -> Iterator[None]:
     """Convert errors about a file's numbers to FileFormatError, which names the file."""
     try:
         yield
+    except FileFormatError:  # names the file already
+        raise
     except (TypeError, ValueError) as error:
         raise FileFormatError.from_error(path, error) from error

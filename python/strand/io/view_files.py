@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,6 @@ from strand.io.xyz import read_xyz
 from strand.support.checks import check_mask, check_occluders, check_sequence
 from strand.support.files import FileFormatError
 
-COLOR_BYTES = 24  # of a pixel's colour (three float64)
-_MASK_PIXEL = 4  # bytes of a pixel of a view's mask
 _KEYS = {"masks": "mask", "colors": "color", "occluders": "occluders"}  # a view's key by the argument's name
 
 
@@ -52,16 +51,14 @@ def require_one_each(given: Mapping[str, Sequence[Path]], views: int) -> None:
 def read_images(files: Mapping[str, Path], shape: tuple[int, ...], budget: Budget) -> dict[str, Any]:
     """Return the mask, the colours and the occluders of a depth image, as `View.from_depth` takes them."""
     images: dict[str, Any] = {}
+    pixels = prod(shape)
     if "color" in files:
-        images["colors"] = read_color(files["color"], budget)
-        if images["colors"].shape[:2] != shape:
-            reason = f"expected the depth image's shape {shape}, got {images['colors'].shape[:2]}"
-            raise FileFormatError(files["color"], reason, "color")
-        budget.take(files["color"], COLOR_BYTES * images["colors"][..., 0].size)
-    if "mask" in files:
-        images["mask"] = _read_pixels(files["mask"], shape, budget, "mask", check_mask)
-    if "occluders" in files:
-        images["occluders"] = _read_pixels(files["occluders"], shape, budget, "occluders", check_occluders)
+        images["colors"] = read_color(files["color"], budget, shape)
+        budget.take_image(files["color"], "color", pixels)
+    for key, check in (("mask", check_mask), ("occluders", check_occluders)):
+        if key in files:
+            images[key] = _read_pixels(files[key], shape, budget, key, check)
+            budget.take_image(files[key], key, pixels)
     return images
 
 
@@ -73,8 +70,10 @@ def _read_pixels(
     check: Callable[[str, NDArray[Any], tuple[int, ...]], NDArray[Any]],
 ) -> NDArray[Any]:
     """Return the (H, W) pixels of a mask file as a check returns them; errors name the file and the key."""
-    pixels = read_npy(path, budget) if path.suffix.lower() == ".npy" else read_mask_png(path, budget)
-    budget.take(path, _MASK_PIXEL * pixels.size)
+    if path.suffix.lower() == ".npy":
+        pixels = read_npy(path, budget, shape, key)
+    else:
+        pixels = read_mask_png(path, budget, shape, key)
     try:
         return check(key, pixels, shape)
     except (TypeError, ValueError) as error:

@@ -190,7 +190,7 @@ def test_other_members_are_not_read(tmp_path):
 def test_the_size_of_a_member_is_checked_before_decoding(tmp_path):
     save_npz(tmp_path / "a.npz")
     out = io.BytesIO()
-    np.save(out, np.zeros((1, 5000, 10_000), dtype=np.uint16))
+    np.save(out, np.zeros((2, 2500, 10_000), dtype=np.uint16))
     rewrite(tmp_path / "a.npz", {"depth.npy": out.getvalue()})
     assert (tmp_path / "a.npz").stat().st_size < 200_000
     with pytest.raises(FileFormatError, match=r"a\.npz: depth: takes 100000000 bytes, .* max_bytes=1000000$"):
@@ -198,7 +198,7 @@ def test_the_size_of_a_member_is_checked_before_decoding(tmp_path):
     # a small array, followed by many bytes
     np.save(out := io.BytesIO(), np.stack([DEPTH, DEPTH]))
     rewrite(tmp_path / "a.npz", {"depth.npy": out.getvalue() + bytes(10**8)})
-    with pytest.raises(FileFormatError, match=r"a\.npz: depth: takes 100000000 bytes"):
+    with pytest.raises(FileFormatError, match=r"a\.npz: depth: expected 192 bytes after .* got 100000192"):
         load_scene(tmp_path / "a.npz", max_bytes=1_000_000)
 
 

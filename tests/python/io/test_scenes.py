@@ -71,7 +71,7 @@ def test_npz_damaged(tmp_path):
         ({"depth": np.stack([DEPTH, DEPTH]).astype(float)}, r"depth: expected \(V, H, W\) uint16"),
         ({"poses": np.eye(4)[None]}, r"poses: expected \(2, 4, 4\)"),
         ({"poses": np.ones((2, 4, 4))}, "pose: expected"),
-        ({"K": np.eye(2)}, "intrinsics: expected"),
+        ({"K": np.eye(2)}, r"K: expected \(3, 3\)"),
         ({"depth_scale": np.float64(0)}, "depth_scale: expected one positive number"),
         ({"radius": np.float64(-1)}, "radius: expected one positive number"),
         ({"radius": np.array("wide")}, "radius: expected one positive number"),

@@ -1,0 +1,31 @@
+"""All tricks, and the modules that readers load late."""
+
+from __future__ import annotations
+
+import importlib
+
+from shared.tricks import Trick, arrays, images
+
+_LATE = (
+    "PIL.BmpImagePlugin",
+    "PIL.JpegImagePlugin",
+    "PIL.PngImagePlugin",
+    "PIL.PpmImagePlugin",
+    "PIL.TiffImagePlugin",
+    "lz4.frame",
+    "pyarrow.parquet",
+    "rosbags.rosbag1",
+    "rosbags.rosbag2",
+    "strand.cli",
+)
+
+
+def load_modules() -> None:
+    """Load the modules whose memory does not depend on a file."""
+    for name in _LATE:
+        importlib.import_module(name)
+
+
+def list_tricks() -> list[Trick]:
+    """Return all tricks."""
+    return [*images.list_tricks(), *arrays.list_tricks()]
