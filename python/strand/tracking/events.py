@@ -15,7 +15,7 @@ from strand.tracking.rope_state import RopeState
 
 _SAME_PLACE = 8.0  # radii along both strands: a crossing moves by less in a frame
 _CONFIRMED = 4  # frames in which a crossing is seen, or not, until it counts as made, or undone
-_BENT = 4.0  # radii of rope between two strands; within less it only bends
+_BENT = 6.0  # radii of rope between two strands; within less it only bends
 _AT_END = 1.0  # radii: a crossing this near to an end is not there yet
 _HIGH = 0.6  # radii: height of one strand over the other that tells which lies on top
 _MEMORY = 0.7  # of the mean height of the last frames
