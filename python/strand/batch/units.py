@@ -11,7 +11,8 @@ from pathlib import Path
 
 from strand.batch.settings import Settings, compute_digest
 from strand.io.recordings import Recording, is_recording
-from strand.io.recordings.bags import METADATA, SUFFIXES
+from strand.io.recordings.bags import SUFFIXES
+from strand.io.recordings.ros2_folder import METADATA
 from strand.io.view_files import SUFFIXES as VIEW_SUFFIXES
 from strand.support.checks import check_path, check_sequence
 from strand.support.files import FileFormatError, open_file

@@ -44,6 +44,26 @@ def keep_pixels(data: bytes) -> bytes:
     return data
 
 
+def read_size(data: bytes | memoryview) -> tuple[int, int]:
+    """Return the height and width that a PNG or JPEG declares; ValueError if it declares none."""
+    if data[:8] == PNG and data[12:16] == b"IHDR" and len(data) >= 24:
+        width, height = struct.unpack_from(">II", data, 16)
+        return height, width
+    at = 2
+    for _ in range(_MAX_SEGMENTS if data[:3] == JPEG else 0):
+        if at + 9 > len(data):
+            break
+        marker = data[at + 1]
+        if data[at] != 0xFF or marker in (0x00, 0xFF):  # bytes between segments
+            at += 1
+        elif marker in _FRAMES:
+            height, width = struct.unpack_from(">HH", data, at + 5)
+            return height, width
+        else:
+            at += 2 if marker in _LONE else 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+    raise ValueError("truncated, or not a PNG or JPEG")
+
+
 def _strip_png(data: bytes) -> bytes:
     """Return a PNG with the chunks of its pixels alone; all chunks must be whole."""
     view, at, number, parts = memoryview(data), len(PNG), 0, [memoryview(PNG)]

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 _EXTRAS = {  # the extra of strand that installs each package; others come with "cli"
-    "rosbags": "recordings",
     "lz4": "recordings",
-    "apsw": "recordings",
+    "backports": "recordings",
     "plotly": "report",
     "pyarrow": "batch",
     "ray": "ray",
@@ -24,7 +23,7 @@ def import_extra(module: str) -> Any:
         return importlib.import_module(module)
     except ImportError as error:
         name = module.split(".")[0]
-        package = {"PIL": "pillow", "rerun": "rerun-sdk"}.get(name, name)
+        package = {"PIL": "pillow", "rerun": "rerun-sdk", "backports": "backports.zstd"}.get(name, name)
         wanted = f"{_find_distribution()}[{_EXTRAS.get(name, 'cli')}]"
         raise ImportError(f'{package} is needed here: pip install "{wanted}" installs it') from error
 

@@ -203,10 +203,10 @@ def test_a_missing_package_is_raised(tmp_path, monkeypatch):
     path.touch()
 
     def without(*_, **__):
-        raise ImportError('rosbags is needed here: pip install ".[recordings]" installs it')
+        raise ImportError('lz4 is needed here: pip install ".[recordings]" installs it')
 
     monkeypatch.setattr("strand.batch.frames.load_scene", without)
-    with pytest.raises(ImportError, match="rosbags"):
+    with pytest.raises(ImportError, match="lz4"):
         make_rows(only(path), SETTINGS)
 
 

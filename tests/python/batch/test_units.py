@@ -142,10 +142,10 @@ def test_an_unreadable_file_affects_only_its_frame(folder):
 
 def test_a_missing_package_is_no_error_of_a_recording(folder, monkeypatch):
     def missing(*_):
-        raise ImportError("rosbags is needed here")
+        raise ImportError("lz4 is needed here")
 
     monkeypatch.setattr(units, "open_bag", missing)
-    with pytest.raises(ImportError, match="rosbags is needed"):
+    with pytest.raises(ImportError, match="lz4 is needed"):
         found(folder, Settings(stretch=2), given=[folder / "c.mcap"])
 
 

@@ -1,65 +1,54 @@
-"""Read the messages of ROS 1 bags, ROS 2 bags and MCAP files through rosbags."""
+"""Read the messages of ROS 1 bags, ROS 2 bags and MCAP files."""
 
 from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
-from functools import cache
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
-from strand.io.recordings.limits import (
-    YAML_BYTES,
-    GuardedPath,
-    bound_mcap,
-    bound_rosbag1,
-    count_open_bytes,
-    decompress_zstd,
-)
-from strand.support.extras import import_extra
-from strand.support.files import FileFormatError, open_file, read_bytes
+from strand.io.recordings.first_messages import FirstMessage, FirstMessages, read_first_messages
+from strand.io.recordings.mcap import McapFile
+from strand.io.recordings.message import Message
+from strand.io.recordings.ros1_bag import Ros1Bag
+from strand.io.recordings.ros2_folder import METADATA, list_storage
+from strand.io.recordings.ros_messages import decode
+from strand.io.recordings.sqlite_bag import SqliteBag
+from strand.io.recordings.unpacking import is_zstd, unpack_message
+from strand.support.files import FileFormatError, open_file
+from strand.support.lazy import lazy_property
 
 _FORMATS = {".bag": "ROS 1 bag", ".mcap": "MCAP file", ".db3": "SQLite file of a ROS 2 bag"}
 SUFFIXES = tuple(_FORMATS)
-TRANSFORMS = "tf2_msgs/msg/TFMessage"  # the type of TF's messages
-METADATA = "metadata.yaml"  # the file that makes a folder a ROS 2 bag
 _MAX_TIME = 1 << 62  # nanoseconds since 1970: the year 2116
-_RENAMED = {"tf/msg/tfMessage": TRANSFORMS}  # older names of types
 
 
-@dataclass(frozen=True)
-class Message:
-    """An encoded message.
+class Storage(Protocol):
+    """An open file with messages."""
 
-    Attributes
-    ----------
-    topic : str
-    kind : str
-        Type by its name in ROS 2, such as "sensor_msgs/msg/Image".
-    time : int
-        Time of recording, nanoseconds since 1970.
-    data : bytes
-    """
+    topics: dict[str, str]
+    counts: dict[str, int]
+    span: tuple[int, int] | None
 
-    topic: str
-    kind: str
-    time: int
-    data: bytes
+    def close(self) -> None:
+        """Close the file."""
 
-    @property
-    def place(self) -> str:
-        """Topic and time, for errors."""
-        return f"{self.topic} at {self.time * 1e-9:.3f} s"
+    def read_messages(self, topics: Collection[str]) -> Iterator[Message]:
+        """Yield the messages of some topics in the order of recording."""
+
+    def read_firsts(self, topics: Collection[str]) -> Iterator[Message]:
+        """Yield the first message of each topic, in any order."""
+
+
+_STORAGES: dict[str, Callable[[Path, int], Storage]] = {".bag": Ros1Bag, ".mcap": McapFile, ".db3": SqliteBag}
 
 
 class Bag:
     """An open `.bag`, `.mcap` or `.db3` file, or folder of a ROS 2 bag.
 
-    Messages are decoded with ROS's own definitions; definitions in the bag are ignored. At most `max_bytes`
-    of the bag are in memory at once.
+    At most `max_bytes` of the bag are in memory at once, beside the message that was read last.
 
     Attributes
     ----------
@@ -73,19 +62,30 @@ class Bag:
     """
 
     def __init__(self, path: Path, max_bytes: int) -> None:
-        self.path, self._max_bytes = path, max_bytes
-        self.files = _list_files(path)
+        self.path, self._max_bytes, self._closed = path, max_bytes, False
         self._ros1 = path.suffix.lower() == ".bag" and not path.is_dir()
-        self._zstd = self._closed = False
-        self._indexed = True
-        with _convert_errors(path, None), ExitStack() as stack:
-            self._reader = self._open(stack)
-            self.topics = {one.topic: one.msgtype for one in self._reader.connections}
-            self.counts = {topic: 0 for topic in self.topics}
-            for one in self._reader.connections:
-                self.counts[one.topic] += one.msgcount
-            self.span = self._read_span()
-            self._stack = stack.pop_all()
+        self.files = paths = _list_files(path)
+        if path.is_dir():
+            paths = self.files[1:]
+        self._storages: list[tuple[Path, Storage]] = []
+        try:
+            for one in paths:
+                with _convert_errors(one, None):
+                    self._storages.append((one, _STORAGES[one.suffix.lower()](one, max_bytes)))
+        except BaseException:
+            self.close()
+            raise
+        self.topics = {topic: kind for _, one in self._storages for topic, kind in one.topics.items()}
+        self.counts = dict.fromkeys(self.topics, 0)
+        for _, storage in self._storages:
+            for topic, count in storage.counts.items():
+                self.counts[topic] += count
+        spans = [one.span for _, one in self._storages if one.span is not None]
+        first, last = (
+            min((start for start, _ in spans), default=None),
+            max((end for _, end in spans), default=0),
+        )
+        self.span = (first, 0.0 if first is None else (last - first) * 1e-9)
 
     @property
     def format(self) -> str:
@@ -97,111 +97,85 @@ class Bag:
     def close(self) -> None:
         """Close the files."""
         self._closed = True
-        self._stack.close()
+        while self._storages:
+            self._storages.pop()[1].close()
 
     def find_topics(self, *kinds: str) -> list[str]:
         """Return the topics whose messages have one of these types, in alphabetical order."""
         return sorted(topic for topic, kind in self.topics.items() if kind in kinds)
 
-    def read_messages(self, topics: Sequence[str]) -> Iterator[Message]:
+    def read_messages(self, topics: Collection[str]) -> Iterator[Message]:
         """Yield the messages of some topics in the order of recording."""
-        if self._closed:
-            raise ValueError(f"{self.path}: the recording is closed")
-        wanted = [one for one in self._reader.connections if one.topic in topics]
-        if not wanted:
-            return
-        with ExitStack() as own:
-            reader, last = self._reader, None
-            with _convert_errors(self.path, None):
-                # without an index, rosbags reads from the file's position, which two passes would share
-                if not self._indexed:
-                    reader = self._open(own)
-                stream = reader.messages(connections=wanted)
-            while True:
-                with _convert_errors(self.path, None if last is None else f"after {last.place}"):
-                    found = next(stream, None)
-                    if found is None:
-                        return
-                    connection, time, data = found
-                    if self._zstd:
-                        data = decompress_zstd(data, self._max_bytes)
-                    if not 0 <= time < _MAX_TIME:
-                        raise ValueError(f"a time of {time} ns")
-                    last = Message(connection.topic, connection.msgtype, time, bytes(data))
-                yield last
+        self._require_open()
+        for path, storage in self._storages:
+            yield from self._read(path, storage.read_messages(set(topics)))
 
-    def read_first(self, topic: str) -> Message | None:
-        """Return the first message of a topic, or None."""
-        return next(self.read_messages([topic]), None)
+    def read_firsts(self, topics: Collection[str]) -> Iterator[Message]:
+        """Yield the first message of each of some topics, in any order, in one pass over the bag."""
+        self._require_open()
+        left = {topic for topic in topics if self.counts.get(topic)}
+        for path, storage in self._storages:
+            for message in self._read(path, storage.read_firsts(left)):
+                if message.topic in left:
+                    left.remove(message.topic)
+                    yield message
+
+    def find_first(self, topic: str) -> FirstMessage | None:
+        """Return the first message of a topic with images or points, or of one that describes these.
+
+        FileFormatError is raised if it is damaged. The first call reads those of all such topics.
+        """
+        first = self._firsts.get(topic)
+        if isinstance(first, FileFormatError):
+            raise first
+        return first
 
     def decode(self, message: Message) -> Any:
         """Return a message's fields as an object with attributes."""
         with _convert_errors(self.path, message.place):
-            store = _load_types(self._ros1)
-            decode = store.deserialize_ros1 if self._ros1 else store.deserialize_cdr
-            return decode(message.data, _RENAMED.get(message.kind, message.kind))
+            return decode(message.kind, message.data, self._ros1)
 
-    def _read_span(self) -> tuple[int | None, float]:
-        reader = self._reader
-        if not any(self.counts.values()):
-            return None, 0.0
-        start, last = int(reader.start_time), int(reader.end_time) - 1
-        return start, max(last - start, 0) * 1e-9
+    @lazy_property
+    def _firsts(self) -> FirstMessages:
+        return read_first_messages(self.topics, self.read_firsts, self.decode)
 
-    def _open(self, stack: ExitStack) -> Any:
-        path = GuardedPath(self.path)
-        if self._ros1:
-            reader = stack.enter_context(import_extra("rosbags.rosbag1").Reader(path))
-            reader.bio.lift_limit()
-            bound_rosbag1(reader, self._max_bytes)
-            return reader
-        bound_mcap()
-        reader = stack.enter_context(import_extra("rosbags.rosbag2").Reader(path))
-        for storage in getattr(reader.storage, "storages", [reader.storage]):
-            if hasattr(storage, "bio"):
-                storage.bio.lift_limit()
-                self._indexed &= bool(storage.chunks)
-                held = count_open_bytes(storage.chunks)
-                if held > self._max_bytes:
-                    reason = f"chunks of {held} bytes overlap in time, more than max_bytes={self._max_bytes}"
-                    raise FileFormatError(storage.path, reason)
-            else:  # by default, SQLite allocates values of any size that a file declares
-                most = min(self._max_bytes, (1 << 31) - 1)
-                storage.dbconn.limit(import_extra("apsw").SQLITE_LIMIT_LENGTH, most)
-        if reader.compression_mode == "message":
-            # decompress here, as rosbags sets no limit
-            reader.storage.metadata = reader.storage.metadata._replace(compression_mode=None)
-            self._zstd = True
-        return reader
+    def _require_open(self) -> None:
+        if self._closed:
+            raise ValueError(f"{self.path}: the recording is closed")
+
+    def _read(self, path: Path, messages: Iterator[Message]) -> Iterator[Message]:
+        """Yield messages, decompressed; errors name the last place that was read."""
+        last = None
+        while True:
+            with _convert_errors(path, None if last is None else f"after {last}"):
+                message = next(messages, None)
+                if message is None:
+                    return
+                if not 0 <= message.time < _MAX_TIME:
+                    raise ValueError(f"a time of {message.time} ns")
+                if is_zstd(message.data) and not self._ros1:
+                    data = unpack_message(message.data, self._max_bytes)
+                    message = Message(message.topic, message.kind, message.time, data)
+            last = message.place
+            yield message
 
 
 def _list_files(path: Path) -> tuple[Path, ...]:
-    """Return the files of a bag, which must be regular files."""
-    if not path.is_dir():
-        if path.exists() and path.suffix.lower() not in SUFFIXES:
-            raise FileFormatError(path, f"expected a {', '.join(SUFFIXES)} file or the folder of a ROS 2 bag")
-        open_file(path).close()
-        return (path,)
-    read_bytes(path / METADATA, YAML_BYTES)
-    storage = sorted(one for one in path.iterdir() if one.suffix in SUFFIXES)
-    for one in storage:
-        open_file(one).close()
-    return (path / METADATA, *storage)
-
-
-@cache
-def _load_types(ros1: bool) -> Any:
-    typesys = import_extra("rosbags.typesys")
-    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if ros1 else typesys.Stores.LATEST)
-    # rosbags lacks this type for ROS 1
-    definition = "geometry_msgs/TransformStamped[] transforms"
-    store.register(typesys.get_types_from_msg(definition, TRANSFORMS))
-    return store
+    """Return the files of a bag, which must be regular files; the metadata of a folder come first."""
+    if path.is_dir():
+        storage = list_storage(path, SUFFIXES[1:])
+        for one in storage:
+            open_file(one).close()
+        return (path / METADATA, *storage)
+    if path.exists() and path.suffix.lower() not in SUFFIXES:
+        raise FileFormatError(path, f"expected a {', '.join(SUFFIXES)} file or the folder of a ROS 2 bag")
+    open_file(path).close()
+    return (path,)
 
 
 @contextmanager
 def _convert_errors(path: Path, place: str | None) -> Iterator[None]:
-    """Convert any error that rosbags raises for a damaged bag to FileFormatError."""
+    """Convert any error that a damaged bag causes to FileFormatError."""
     try:
         yield
     except (FileFormatError, ImportError, MemoryError):

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.io.budget import MAX_BYTES, Budget
+from strand.io.budget import Budget
+from strand.io.image_parts import read_size
 from strand.io.images import decode_color
 from strand.io.recordings.depth_messages import is_depth
 
@@ -25,14 +26,21 @@ def is_color(message: Any) -> bool:
     return not is_depth(message) and not gray and ("jpeg" in kind or "jpg" in kind or "png" in kind)
 
 
-def decode_color_message(message: Any, max_bytes: int = MAX_BYTES) -> NDArray[np.uint8]:
-    """Return the (H, W, 3) red, green and blue of an Image or CompressedImage."""
+def decode_color_message(
+    message: Any, budget: Budget, size: tuple[int, int] | None = None
+) -> NDArray[np.uint8]:
+    """Return the (H, W, 3) red, green and blue of an Image or CompressedImage.
+
+    An image that declares another height and width than `size`, or more than fits, is not decoded.
+    """
     if not hasattr(message, "encoding"):
         if not is_color(message):
             raise ValueError(
                 f"format: expected colours compressed as JPEG or PNG, got {message.format[:60]!r}"
             )
-        return decode_color("data", bytes(message.data), Budget(max_bytes))
+        _check_size(size, read_size(memoryview(message.data)))
+        budget.take("data", len(message.data))
+        return decode_color("data", bytes(message.data), budget)
     if message.encoding not in CHANNELS:
         known = ", ".join(CHANNELS)
         raise ValueError(f"encoding: expected colours ({known}), got {message.encoding[:40]!r}")
@@ -46,7 +54,13 @@ def decode_color_message(message: Any, max_bytes: int = MAX_BYTES) -> NDArray[np
             f"data: {width} x {height} pixels of {message.encoding} with rows of {step} bytes do not fit in "
             f"{len(data)} bytes"
         )
-    if _PIXEL_BYTES * height * width > max_bytes:
-        raise ValueError(f"data: {width} x {height} pixels take more than max_bytes={max_bytes}")
+    _check_size(size, (height, width))
+    budget.take("data", _PIXEL_BYTES * height * width)
     rows = np.lib.stride_tricks.as_strided(data, (height, width, wide), (step, wide, 1))
     return np.ascontiguousarray(rows[..., list(order)])
+
+
+def _check_size(expected: tuple[int, int] | None, found: tuple[int, int]) -> None:
+    if expected not in (None, found):
+        sizes = [f"{width} x {height}" for height, width in (expected or found, found)]
+        raise ValueError(f"CameraInfo: expected one for images of {sizes[1]} pixels, got {sizes[0]}")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Callable, Iterator
 
-from strand.io.recordings.bags import Message
+from strand.io.recordings.message import Message
 
 _DELAY = 10**9  # nanoseconds between the recordings of a pair, at most
+_MAX_COLORS = 4096  # colour messages that wait, at most
 
 
 def pair_colors(
@@ -17,8 +19,8 @@ def pair_colors(
     read_stamp: Callable[[Message], int],
     tolerance: int,
     max_bytes: int,
-) -> Iterator[tuple[int, Message, Message | None]]:
-    """Yield depth messages with their numbers, and the nearest colour message in time of each.
+) -> Iterator[tuple[int, Message, Message | None, int]]:
+    """Yield depth messages with their numbers, the nearest colour message in time of each, and what waits.
 
     Parameters
     ----------
@@ -33,36 +35,71 @@ def pair_colors(
     tolerance : int
         Largest difference in time of a pair, nanoseconds; depth without a colour as near has None.
     max_bytes : int
-        Memory limit for colour messages that wait for their depth; the oldest are dropped.
+        Memory limit for messages that wait: above it, the oldest colours are dropped, and depth waits no
+        longer. The last number of a yielded entry is the memory of all that wait.
     """
-    number = 0
+    number = held = 0
     waiting: deque[tuple[int, Message, int]] = deque()
-    colors: deque[tuple[int, Message]] = deque()
-    held = 0
-
-    def take(first: tuple[int, Message, int]) -> tuple[int, Message, Message | None]:
-        nearest = min(colors, key=lambda color: abs(color[0] - first[2]), default=None)
-        near = nearest is not None and abs(nearest[0] - first[2]) <= tolerance
-        return first[0], first[1], nearest[1] if near and nearest is not None else None
-
+    colors = _Colors()
     for message in messages:
         if message.topic == topic:
             if number in wanted:
                 waiting.append((number, message, read_stamp(message)))
+                held += message.size
             number += 1
         else:
-            colors.append((read_stamp(message), message))
-            held += len(message.data)
-        newest = colors[-1][0] if colors else None
-        while waiting and (
-            (newest is not None and newest >= waiting[0][2])
-            or message.time > waiting[0][1].time + tolerance + _DELAY
-        ):
-            yield take(waiting.popleft())
+            colors.add(read_stamp(message), message)
+            held += message.size
         oldest = (waiting[0][1] if waiting else message).time - tolerance - _DELAY
-        while colors and (colors[0][1].time < oldest or (held > max_bytes and len(colors) > 1)):
-            held -= len(colors.popleft()[1].data)
+        while colors.messages and (
+            colors.messages[0].time < oldest
+            or len(colors.messages) > _MAX_COLORS
+            or (held > max_bytes and len(colors.messages) > 1)
+        ):
+            held -= colors.drop().size
+        while waiting and (
+            colors.reaches(waiting[0][2])
+            or message.time > waiting[0][1].time + tolerance + _DELAY
+            or held > max_bytes
+        ):
+            first, depth, stamp = waiting.popleft()
+            yield first, depth, colors.find_nearest(stamp, tolerance), held
+            held -= depth.size
         if not waiting and number > wanted[-1]:
             return
     while waiting:
-        yield take(waiting.popleft())
+        first, depth, stamp = waiting.popleft()
+        yield first, depth, colors.find_nearest(stamp, tolerance), held
+        held -= depth.size
+
+
+class _Colors:
+    """Colour messages that wait for their depth, in the order of their stamps."""
+
+    def __init__(self) -> None:
+        self.messages: list[Message] = []
+        self._stamps: list[int] = []
+
+    def add(self, stamp: int, message: Message) -> None:
+        """Add a message."""
+        place = bisect_right(self._stamps, stamp)
+        self._stamps.insert(place, stamp)
+        self.messages.insert(place, message)
+
+    def drop(self) -> Message:
+        """Remove the message with the earliest stamp."""
+        del self._stamps[0]
+        return self.messages.pop(0)
+
+    def reaches(self, stamp: int) -> bool:
+        """Tell whether a message is as late as a stamp."""
+        return bool(self._stamps) and self._stamps[-1] >= stamp
+
+    def find_nearest(self, stamp: int, tolerance: int) -> Message | None:
+        """Return the message nearest to a stamp, if one is near enough; of two, the earlier."""
+        after = bisect_left(self._stamps, stamp)
+        near = [k for k in (after - 1, after) if 0 <= k < len(self._stamps)]
+        best = min(near, key=lambda k: abs(self._stamps[k] - stamp), default=None)
+        if best is None or abs(self._stamps[best] - stamp) > tolerance:
+            return None
+        return self.messages[best]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from strand.io.recordings.bags import Message
+from strand.io.recordings.message import Message
 from strand.views.view import View
 
 _SECOND = 10**9  # nanoseconds
@@ -54,8 +54,11 @@ class UndecodedFrame:
         One for each topic.
     colors : tuple of (Message or None)
         The colour image of each.
+    held : int
+        Memory of these and of other messages that wait meanwhile, bytes.
     """
 
     number: int
     messages: tuple[Message, ...]
     colors: tuple[Message | None, ...]
+    held: int

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import os
 import sys
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from array import array
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.io.budget import MAX_BYTES
-from strand.io.recordings.bags import Bag, Message
+from strand.io.budget import MAX_BYTES, Budget
+from strand.io.recordings.bags import Bag
 from strand.io.recordings.color_alignment import align_colors
 from strand.io.recordings.color_messages import decode_color_message
 from strand.io.recordings.color_pairing import pair_colors
 from strand.io.recordings.color_topics import find_color_cameras, find_color_pose
 from strand.io.recordings.frames import Frame, UndecodedFrame
-from strand.io.recordings.message_views import make_view
-from strand.io.recordings.synchronization import find_nearest, match_messages
+from strand.io.recordings.message import MESSAGE_BYTES, Message
+from strand.io.recordings.message_views import FindColors, make_view
+from strand.io.recordings.synchronization import find_last_uses, find_nearest, match_messages
 from strand.io.recordings.topics import choose_topics, read_depth_topic
 from strand.io.recordings.transforms import TF_KINDS, Transforms, read_stamp
 from strand.support.checks import (
@@ -39,6 +41,7 @@ from strand.support.lazy import lazy_property
 
 TOLERANCE = 0.02  # seconds between the views of a frame, at most: half a frame at 25 Hz
 
+_PLAN_BYTES = 128  # memory of a message's part of the plan while it is made
 _SECOND = 10**9  # nanoseconds
 _MAX_TOLERANCE = 1e9  # seconds: its nanoseconds fit in 64 bits
 
@@ -47,8 +50,8 @@ class Recording:
     """A ROS 1 bag, ROS 2 bag or MCAP file, read frame by frame; use it in a `with` statement.
 
     Each message of the first topic makes a frame with the nearest message in time of every other topic.
-    Iteration yields the frames in the order of the first topic, and holds one in memory. strand reads the
-    file with rosbags; ROS is not needed.
+    Iteration yields the frames in the order of the first topic, and holds one in memory. ROS is
+    not needed.
 
     Depth images get the colours of the nearest colour image in time, within `tolerance`, if there is one. If
     it is from another camera, each depth pixel's point is projected into it by TF and the CameraInfo.
@@ -82,7 +85,8 @@ class Recording:
     ignore_distortion : bool
         Whether to use images of lenses with distortion as they are; by default, they raise an error.
     max_bytes : int
-        Memory limit for the data of the file at any time, and for a depth image, bytes; 4 GiB by default.
+        Memory limit for the decompressed chunks of the file, and for messages, transforms and the views of
+        two frames together, bytes; 4 GiB by default.
 
     Attributes
     ----------
@@ -106,7 +110,7 @@ class Recording:
         If an argument is of the wrong type or out of range, a topic or TF frame does not exist, or several
         cameras have no poses. The message lists the topics or frames that exist.
     ImportError
-        If rosbags is not installed, or Pillow for compressed depth.
+        If lz4 or backports.zstd is not installed for compressed files, or Pillow for compressed images.
     """
 
     def __init__(
@@ -147,7 +151,7 @@ class Recording:
             if self._world is not None:
                 self._require_frames(self._world)
             self._colors, self.color_troubles = find_color_cameras(
-                self._bag, list(self._cameras.values()), named, self._find_between, self._max_bytes
+                self._bag, list(self._cameras.values()), named, self._find_between
             )
             self.color_topics = tuple(
                 self._colors[topic].topic if topic in self._colors else None for topic in self.topics
@@ -226,16 +230,16 @@ class Recording:
                 return
             messages = self._bag.read_messages(self._streams)
             pairs = pair_colors(
-                messages, self.topics[0], wanted, self._read_stamp, self._tolerance, self._max_bytes
+                messages, self.topics[0], wanted, self._read_stamp, self._tolerance, self._max_bytes // 2
             )
-            for number, message, color in pairs:
-                yield UndecodedFrame(number, (message,), (color,))
+            for number, message, color, held in pairs:
+                yield UndecodedFrame(number, (message,), (color,), held)
             return
         for number, message in enumerate(self._bag.read_messages(self.topics)):
             if stop is not None and number >= stop:
                 return
             if number >= start and (number - start) % step == 0:
-                yield UndecodedFrame(number, (message,), (None,))
+                yield UndecodedFrame(number, (message,), (None,), message.size)
 
     def _read_planned(self, numbers: range) -> Iterator[UndecodedFrame]:
         """Yield planned frames; a message is held until the last frame that needs it."""
@@ -245,59 +249,59 @@ class Recording:
             *range(len(self.topics)),
             *(self._streams.index(topic or self.topics[0]) for topic in self.color_topics),
         ]
-        left = Counter(
-            (places[k], int(n)) for number in numbers for k, n in enumerate(parts[number]) if n >= 0
-        )
+        streams = {topic: k for k, topic in enumerate(self._streams)}
+        last_uses = find_last_uses(parts, places, numbers)
         held: dict[tuple[int, int], Message] = {}
-        counts = [0] * len(self._streams)
+        counts = [0] * len(streams)
         size, due = 0, iter(numbers)
         number = next(due, None)
         messages = self._bag.read_messages(self._streams)
         while number is not None:
             keys = [(places[k], int(n)) if n >= 0 else None for k, n in enumerate(parts[number])]
-            needed = [key for key in keys if key is not None]
+            needed = {key for key in keys if key is not None}
             while not all(key in held for key in needed):
                 message = next(messages, None)
                 if message is None:
                     raise FileFormatError(self.path, "the file changed: a message is missing")
-                k = self._streams.index(message.topic)
+                k = streams[message.topic]
                 key = (k, counts[k])
                 counts[k] += 1
-                if left[key]:
+                if counts[k] <= len(last_uses[k]) and last_uses[k][key[1]] >= number:
                     held[key] = message
-                    size += len(message.data)
+                    size += message.size
                 if size > self._max_bytes:
                     reason = f"views of one frame are more than max_bytes={self._max_bytes} apart in the file"
                     raise FileFormatError(self.path, reason, message.place)
             found = [None if key is None else held[key] for key in keys]
             count = len(self.topics)
-            frame = UndecodedFrame(number, tuple(one for one in found[:count] if one), tuple(found[count:]))
+            yield UndecodedFrame(
+                number, tuple(one for one in found[:count] if one), tuple(found[count:]), size
+            )
+            del found
             for key in needed:
-                left[key] -= 1
-                if not left[key]:
-                    size -= len(held.pop(key).data)
-            yield frame
+                if last_uses[key[0]][key[1]] == number:
+                    size -= held.pop(key).size
             number = next(due, None)
 
     def decode(self, frame: UndecodedFrame) -> Frame:
         """Decode a frame; raise FileFormatError if one of its messages is damaged."""
-        decoded = [self._bag.decode(message) for message in frame.messages]
+        budget = Budget(self._max_bytes)
+        budget.take(self.path, self._count_kept() + frame.held, frame.messages[0].place)
         views, stamps = [], []
-        for k, (message, seen) in enumerate(zip(frame.messages, decoded, strict=True)):
-            camera, stamp = self._cameras[message.topic], self._get_stamp(message, seen)
+        for k, message in enumerate(frame.messages):
+            seen = self._bag.decode(message)
+            stamp = self._get_stamp(message, seen)
             stamps.append(stamp)
             pose = self._find_pose(k, seen.header.frame_id, stamp)
-            colors = self._decode_colors(message.topic, frame.colors[k], seen.header.frame_id, stamp)
-            try:
-                view = make_view(seen, camera.calibration, pose, camera.depth_scale, self._max_bytes, colors)
-            except (TypeError, ValueError) as error:
-                raise FileFormatError(self.path, str(error), message.place) from error
-            views.append(view)
+            colors = self._decode_colors(message.topic, frame.colors[k], seen.header.frame_id, stamp, budget)
+            camera = self._cameras[message.topic]
+            with self._name_place(message):
+                views.append(make_view(seen, camera.calibration, pose, camera.depth_scale, budget, colors))
         return Frame(frame.number, stamps[0], tuple(views), tuple(stamps))
 
     def _decode_colors(
-        self, topic: str, message: Message | None, frame: str, stamp: int
-    ) -> Callable[[Array, Array], NDArray[np.uint8]] | None:
+        self, topic: str, message: Message | None, frame: str, stamp: int, budget: Budget
+    ) -> FindColors | None:
         """Return the function that finds the colours of a depth image; None without colours."""
         if message is None:
             return None
@@ -306,11 +310,25 @@ class Recording:
         if pose is None:
             return None
         decoded = self._bag.decode(message)
+        size = None if camera.calibration is None else camera.calibration.size
+        with self._name_place(message):
+            colors = decode_color_message(decoded, budget, size)
+        return lambda depth, matrix, left: align_colors(colors, camera, depth, matrix, pose, left)
+
+    @contextmanager
+    def _name_place(self, message: Message) -> Iterator[None]:
+        """Convert errors about a message to FileFormatError, which names the file and the message."""
         try:
-            colors = decode_color_message(decoded, self._max_bytes)
-        except ValueError as error:
+            yield
+        except (TypeError, ValueError) as error:
             raise FileFormatError(self.path, str(error), message.place) from error
-        return lambda depth, matrix: align_colors(colors, camera, depth, matrix, pose)
+
+    def _count_kept(self) -> int:
+        """Return the memory of transforms and of the plan of frames, bytes, as far as they were read."""
+        plan, transforms = self.__dict__.get("_plan"), self.__dict__.get("_transforms")
+        return (0 if plan is None else sum(one.nbytes for one in plan)) + (
+            transforms.size if transforms else 0
+        )
 
     def _find_between(self, world: str, frame: str, stamp: int) -> Array | None:
         return self._transforms.find_pose(world, frame, stamp)
@@ -334,12 +352,18 @@ class Recording:
 
         -1 is no colour message.
         """
-        times: dict[str, list[int]] = {topic: [] for topic in self._streams}
+        budget = Budget(self._max_bytes)
+        times: dict[str, array[int]] = {topic: array("q") for topic in self._streams}
         frames: dict[str, list[str]] = {topic: [] for topic in self._streams}
+        names: dict[str, str] = {}  # each name once
         for message in self._bag.read_messages(self._streams):
+            budget.take(self.path, _PLAN_BYTES, message.place)
             decoded = self._bag.decode(message)
             times[message.topic].append(self._get_stamp(message, decoded))
-            frames[message.topic].append(decoded.header.frame_id)
+            name = decoded.header.frame_id
+            if name not in names:
+                budget.take(self.path, MESSAGE_BYTES + len(name), message.place)
+            frames[message.topic].append(names.setdefault(name, name))
         stamps = [np.array(times[topic], dtype=np.int64) for topic in self.topics]
         parts = match_messages(stamps, self._tolerance)
         if not len(parts):
@@ -349,9 +373,9 @@ class Recording:
             placed = [
                 all(
                     self._find_pose(k, frames[topic][n], times[topic][n]) is not None
-                    for k, (topic, n) in enumerate(zip(self.topics, row, strict=True))
+                    for k, (topic, n) in enumerate(zip(self.topics, row.tolist(), strict=True))
                 )
-                for row in parts.tolist()
+                for row in parts
             ]
             parts = parts[np.array(placed, dtype=bool)]
             if not len(parts):
@@ -381,10 +405,10 @@ class Recording:
     def _require_frames(self, world: str) -> None:
         """Raise ValueError if TF does not connect the world frame with every camera."""
         for topic in self.topics:
-            first = self._bag.read_first(topic)
+            first = self._bag.find_first(topic)
             if first is not None:
                 try:
-                    self._transforms.find_pose(world, self._bag.decode(first).header.frame_id, first.time)
+                    self._transforms.find_pose(world, first.message.header.frame_id, first.time)
                 except FileFormatError:
                     raise
                 except ValueError as error:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from strand.io.budget import Budget
 from strand.io.recordings.bags import Bag
+from strand.io.recordings.message import Message
 from strand.io.recordings.message_views import make_view
 from strand.io.recordings.topics import choose_topics, find_depth_topics, read_depth_topic
 from strand.io.recordings.transforms import TF_KINDS, Transforms
@@ -113,7 +114,7 @@ def read_recording_contents(path: Path, patterns: Sequence[str] | None, max_byte
                 Topic(topic, kind, bag.counts[topic], _compute_rate(bag.counts[topic], seconds))
                 for topic, kind in sorted(bag.topics.items())
             ),
-            tuple(_read_camera(bag, topic, max_bytes) for topic in topics[:_MAX_CAMERAS]),
+            _read_cameras(bag, topics[:_MAX_CAMERAS], max_bytes),
             frames,
             trouble,
         )
@@ -125,15 +126,23 @@ def _compute_rate(count: int, seconds: float) -> float | None:
     return (count - 1) / seconds if count > 1 and seconds > 0.0 else None
 
 
-def _read_camera(bag: Bag, topic: str, max_bytes: int) -> CameraContents:
-    message = bag.read_first(topic)
-    if message is None:
-        return CameraContents(topic, 0, None, None, None, "the topic has no messages")
-    decoded = bag.decode(message)
+def _read_cameras(bag: Bag, topics: Sequence[str], max_bytes: int) -> tuple[CameraContents, ...]:
+    """Return cameras by the first message of each topic, in one pass over the bag."""
+    none = "the topic has no messages"
+    found = {topic: CameraContents(topic, 0, None, None, None, none) for topic in topics}
+    for message in bag.read_firsts(topics):
+        found[message.topic] = _read_camera(bag, message, max_bytes)
+    return tuple(found.values())
+
+
+def _read_camera(bag: Bag, message: Message, max_bytes: int) -> CameraContents:
+    topic, decoded = message.topic, bag.decode(message)
     frame, size, count = decoded.header.frame_id, _get_size(decoded), bag.counts[topic]
+    budget = Budget(max_bytes)
     try:
+        budget.take(bag.path, message.size)
         camera = read_depth_topic(bag, topic, None, None, False)
-        view = make_view(decoded, camera.calibration, None, camera.depth_scale, max_bytes)
+        view = make_view(decoded, camera.calibration, None, camera.depth_scale, budget)
     except FileFormatError as error:
         return CameraContents(topic, count, frame, size, None, error.reason)
     except (TypeError, ValueError) as error:
@@ -149,10 +158,16 @@ def _get_size(message: Any) -> tuple[int, int] | None:
 def _read_tf_frames(bag: Bag, max_bytes: int) -> tuple[tuple[str, ...], str | None]:
     """Return the frames in the first messages of TF, and the error in them or None."""
     found = Transforms(0, max_bytes)
-    for topic in bag.find_topics(*TF_KINDS):
-        for message in islice(bag.read_messages([topic]), _MAX_TRANSFORMS):
+    left = {topic: min(bag.counts[topic], _MAX_TRANSFORMS) for topic in bag.find_topics(*TF_KINDS)}
+    most = sum(left.values())
+    for message in bag.read_messages(list(left)) if most else ():
+        if left[message.topic]:
+            left[message.topic] -= 1
+            most -= 1
             try:
-                found.add(bag.decode(message), static=topic.endswith("tf_static"))
+                found.add(bag.decode(message), static=message.topic.endswith("tf_static"))
             except ValueError as error:
                 return tuple(found.frames), str(error)
+        if not most:
+            break
     return tuple(found.frames), None

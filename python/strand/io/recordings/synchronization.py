@@ -45,3 +45,25 @@ def find_nearest(first: Times, other: Times, tolerance: int) -> NDArray[np.int64
     after = np.minimum(after, len(other) - 1)
     nearest = np.where(np.abs(ordered[after] - first) < np.abs(first - ordered[before]), after, before)
     return np.where(np.abs(ordered[nearest] - first) <= tolerance, order[nearest], -1)
+
+
+def find_last_uses(
+    parts: NDArray[np.int64], streams: Sequence[int], numbers: range
+) -> dict[int, NDArray[np.int64]]:
+    """Return for each stream the last frame that needs each of its messages; -1 where none does.
+
+    Parameters
+    ----------
+    parts : (F, P) ndarray
+        Message numbers of the parts of each frame; -1 is no message.
+    streams : sequence of int
+        The stream of each part.
+    numbers : range
+        The frames that are read.
+    """
+    frames = np.arange(len(parts))[numbers.start : numbers.stop : numbers.step]
+    found = {k: np.full(parts.max(initial=-1) + 1, -1) for k in streams}
+    for part, k in zip(parts.T, streams, strict=True):
+        rows = frames[part[frames] >= 0]
+        np.maximum.at(found[k], part[rows], rows)
+    return found

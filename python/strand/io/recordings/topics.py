@@ -17,13 +17,10 @@ from strand.io.recordings.camera_info import (
 )
 from strand.io.recordings.color_messages import is_color
 from strand.io.recordings.depth_messages import is_depth
+from strand.io.recordings.first_messages import CLOUDS, IMAGES, INFO, NUMBER
 from strand.support.checks import Array
 from strand.support.files import FileFormatError
 
-IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-CLOUDS = ("sensor_msgs/msg/PointCloud2",)
-INFO = "sensor_msgs/msg/CameraInfo"
-NUMBER = "std_msgs/msg/Float32"
 _MAX_LISTED = 60  # topics that an error message names
 
 
@@ -57,8 +54,8 @@ def choose_topics(bag: Bag, patterns: Sequence[str] | None) -> tuple[str, ...]:
             return found
         if not found:
             raise FileFormatError(bag.path, f"no topic shows depth; it has {list_topics(bag)}")
-        raise ValueError(f"topics: several show depth, give one for each camera to use: {', '.join(found)}")
-    topics: list[str] = []
+        raise ValueError(f"topics: several show depth, give one for each camera to use: {_join(found)}")
+    topics: dict[str, None] = {}
     for pattern in patterns:
         matching = [
             topic
@@ -69,7 +66,7 @@ def choose_topics(bag: Bag, patterns: Sequence[str] | None) -> tuple[str, ...]:
             kind = bag.topics.get(pattern)
             what = f"no depth: {pattern} is {kind}" if kind else f"no topic {pattern}"
             raise ValueError(f"topics: {what}; {bag.path} has {list_topics(bag)}")
-        topics += [topic for topic in matching if topic not in topics]
+        topics |= dict.fromkeys(matching)
     return tuple(topics)
 
 
@@ -82,16 +79,20 @@ def find_depth_topics(bag: Bag) -> tuple[str, ...]:
 def list_topics(bag: Bag) -> str:
     """Return topics and types as text for a message: those that may show depth, or else all."""
     topics = bag.find_topics(*IMAGES, *CLOUDS) or sorted(bag.topics)
-    named = [f"{topic} ({bag.topics[topic]})" for topic in topics[:_MAX_LISTED]]
-    more = [f"{len(topics) - _MAX_LISTED} more"] if len(topics) > _MAX_LISTED else []
-    return ", ".join(named + more) or "no topics"
+    return _join([f"{topic} ({bag.topics[topic]})" for topic in topics]) or "no topics"
+
+
+def _join(names: Sequence[str]) -> str:
+    """Return the first names as text."""
+    more = [f"{len(names) - _MAX_LISTED} more"] if len(names) > _MAX_LISTED else []
+    return ", ".join([*names[:_MAX_LISTED], *more])
 
 
 def read_depth_topic(
     bag: Bag, topic: str, intrinsics: Array | None, depth_scale: float | None, ignore_distortion: bool
 ) -> DepthTopic:
     """Return a topic with its unit and calibration; without `intrinsics`, the first CameraInfo gives them."""
-    if bag.read_first(topic) is None:
+    if bag.find_first(topic) is None:
         raise FileFormatError(bag.path, "the topic has no messages", topic)
     if bag.topics[topic] in CLOUDS:
         return DepthTopic(topic, None, None)
@@ -99,9 +100,9 @@ def read_depth_topic(
         calibration = Calibration(intrinsics)
     else:
         place = name_info_topic(topic)
-        info = decode_first(bag, place, INFO)
+        info = find_first(bag, place, INFO)
         if info is None:
-            there = ", ".join(bag.find_topics(INFO)) or "none"
+            there = _join(bag.find_topics(INFO)) or "none"
             reason = f"no CameraInfo on {place} (the bag has it on: {there}); give intrinsics (--intrinsics)"
             raise FileFormatError(bag.path, reason, topic)
         try:
@@ -111,30 +112,28 @@ def read_depth_topic(
         except (TypeError, ValueError) as error:
             raise FileFormatError(bag.path, str(error), place) from error
     if depth_scale is None:
-        unit = decode_first(bag, name_units_topic(topic), NUMBER)
+        unit = find_first(bag, name_units_topic(topic), NUMBER)
         if unit is not None and unit.data > 0:
             depth_scale = round(float(unit.data), 9)  # removes the error of single precision
     return DepthTopic(topic, calibration, depth_scale)
 
 
-def decode_first(bag: Bag, topic: str, kind: str) -> Any:
-    """Return the first decoded message of a topic if it has this type, else None."""
-    if bag.topics.get(topic) != kind:
-        return None
-    message = bag.read_first(topic)
-    return None if message is None else bag.decode(message)
+def find_first(bag: Bag, topic: str, kind: str) -> Any:
+    """Return the fields of the first message of a topic if it has this type, else None."""
+    first = bag.find_first(topic) if bag.topics.get(topic) == kind else None
+    return None if first is None else first.message
 
 
 def shows_color(bag: Bag, topic: str) -> bool:
     """Tell whether the first message of a topic is a colour image."""
-    message = bag.read_first(topic) if bag.topics.get(topic) in IMAGES else None
-    return message is not None and is_color(bag.decode(message))
+    first = bag.find_first(topic) if bag.topics.get(topic) in IMAGES else None
+    return first is not None and is_color(first.message)
 
 
 def _shows_depth(bag: Bag, topic: str) -> bool:
-    message = bag.read_first(topic)
-    if message is None:
+    first = bag.find_first(topic)
+    if first is None:
         return False
     if topic.endswith("/image/data") and "/Depth_" in topic:  # RealSense files declare mono16
         return True
-    return is_depth(bag.decode(message))
+    return is_depth(first.message)

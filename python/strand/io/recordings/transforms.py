@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from strand.support.checks import Array
 
 TF_KINDS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-_TRANSFORM = 64  # bytes of a transform
+_TRANSFORM = 160  # bytes of a transform, with those of its copy in the order of time
+_EDGE = 1024  # bytes of a frame beside its name
+_MAX_STEPS = 256  # frames between a frame and the root; robots have up to about 50
 _MAX_TRANSLATION = 1e9  # metres: the moon is nearer
 _MAX_NORM_ERROR = 0.01  # how far the norm of a quaternion may be from 1
 _MIN_ANGLE = 1e-6  # radians: below it, interpolation of rotations is linear
@@ -49,20 +51,30 @@ class Transforms:
     """
 
     def __init__(self, beyond: int, max_bytes: int) -> None:
-        self._beyond, self._left = beyond, max_bytes // _TRANSFORM
+        self._beyond, self._max_bytes, self._size = beyond, max_bytes, 0
         self._edges: dict[str, _Edge] = {}
+        self._parents: set[str] = set()
         self._sorted: dict[str, tuple[NDArray[np.int64], Array]] = {}
+
+    @property
+    def size(self) -> int:
+        """Memory of all transforms, bytes."""
+        return self._size
 
     @property
     def frames(self) -> list[str]:
         """All frames in alphabetical order."""
-        return sorted({*self._edges, *(edge.parent for edge in self._edges.values())})
+        return sorted({*self._edges, *self._parents})
 
     def add(self, message: Any, static: bool) -> None:
         """Add the transforms of a tf2_msgs/TFMessage; raise ValueError if they are invalid or too many."""
         for one in message.transforms:
             child, parent = strip_slash(one.child_frame_id), strip_slash(one.header.frame_id)
-            edge = self._edges.setdefault(child, _Edge(parent, static))
+            if child not in self._edges:
+                self._take(_EDGE + 4 * (len(child) + len(parent)))
+                self._edges[child] = _Edge(parent, static)
+                self._parents.add(parent)
+            edge = self._edges[child]
             if edge.parent != parent:
                 raise ValueError(f"frame {child!r}: expected one parent, got {edge.parent!r} and {parent!r}")
             t, q = one.transform.translation, one.transform.rotation
@@ -72,12 +84,16 @@ class Transforms:
             if not (near and 1.0 - _MAX_NORM_ERROR < norm < 1.0 + _MAX_NORM_ERROR):
                 raise ValueError(f"frame {child!r}: expected a translation in metres and a unit quaternion")
             if static:
+                self._size -= _TRANSFORM * len(edge.times)
                 del edge.times[:], edge.values[:]
-            self._left -= 1
-            if self._left < 0:
-                raise ValueError("the transforms take more than max_bytes")
+            self._take(_TRANSFORM)
             edge.times.append(read_stamp(one.header))
             edge.values.extend([*place, *(v / norm for v in turn)])
+
+    def _take(self, size: int) -> None:
+        self._size += size
+        if self._size > self._max_bytes:
+            raise ValueError("the transforms take more than max_bytes")
 
     def find_pose(self, world: str, frame: str, time: int) -> Array | None:
         """Return the (4, 4) pose of a frame in the world frame at a time, or None if TF has none then.
@@ -85,9 +101,9 @@ class Transforms:
         ValueError is raised if TF lacks one of the frames, or does not connect them.
         """
         world, frame = strip_slash(world), strip_slash(frame)
-        known = self.frames
         for name in (world, frame):
-            if name not in known and world != frame:
+            if world != frame and name not in self._edges and name not in self._parents:
+                known = self.frames
                 shown = ", ".join(known[:_MAX_LISTED]) + (", ..." if len(known) > _MAX_LISTED else "")
                 raise ValueError(f"no frame {name!r} in TF; there are {shown or 'none'}")
         above = {name: i for i, name in enumerate(self._list_ancestors(world))}
@@ -106,6 +122,8 @@ class Transforms:
             parent = self._edges[path[-1]].parent
             if parent in path:
                 raise ValueError(f"TF has a circle through {parent!r}")
+            if len(path) > _MAX_STEPS:
+                raise ValueError(f"TF has more than {_MAX_STEPS} frames from {frame!r} to the root")
             path.append(parent)
         return path
 

@@ -10,11 +10,16 @@ import numpy as np
 import pytest
 
 from lib.bag_files import Messages
+from strand.io.budget import Budget
 from strand.io.recordings.depth_messages import decode_compressed_image, decode_image, is_depth
 
 MADE = Messages()
 DEPTH = np.random.default_rng(0).integers(0, 60_000, size=(5, 7)).astype(np.uint16)
 METRES = DEPTH.astype(np.float32) / 1000
+
+
+def decode_compressed(message, max_bytes=1 << 24):
+    return decode_compressed_image(message, Budget(max_bytes))
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
@@ -57,10 +62,10 @@ def test_images_of_inconsistent_sizes_are_refused(changes, reason):
 
 def test_compressed_depth_of_whole_numbers():
     message = MADE.compressed(DEPTH, 0)
-    np.testing.assert_array_equal(decode_compressed_image(message), DEPTH)
+    np.testing.assert_array_equal(decode_compressed(message), DEPTH)
     assert is_depth(message)
     plain = SimpleNamespace(format="16UC1; png compressed ", data=message.data[12:])
-    np.testing.assert_array_equal(decode_compressed_image(plain), DEPTH)
+    np.testing.assert_array_equal(decode_compressed(plain), DEPTH)
 
 
 def test_compressed_depth_of_floats_is_quantised():
@@ -71,7 +76,7 @@ def test_compressed_depth_of_floats_is_quantised():
     metres[0, 0] = 0.0
     with np.errstate(divide="ignore"):
         numbers = np.where(metres > 0, a / metres + b, 0).astype(np.uint16)
-    found = decode_compressed_image(MADE.compressed(numbers, 0, kind="32FC1", a=a, b=b))
+    found = decode_compressed(MADE.compressed(numbers, 0, kind="32FC1", a=a, b=b))
     assert found[0, 0] == 0
     np.testing.assert_allclose(found.ravel()[1:], metres.ravel()[1:], rtol=0, atol=metres.max() ** 2 / a)
     assert np.abs(found - metres).max() > 0
@@ -91,16 +96,16 @@ def test_compressed_depth_of_floats_is_quantised():
 def test_other_compressed_images_are_refused(kind, data, reason):
     message = SimpleNamespace(format=kind, data=data)
     with pytest.raises(ValueError, match=reason):
-        decode_compressed_image(message)
+        decode_compressed(message)
 
 
 def test_damaged_and_oversized_pictures_are_refused():
     whole = bytes(MADE.compressed(DEPTH, 0).data)
     for part in range(13, len(whole) - 20, 7):
         with pytest.raises(ValueError, match="truncated"):
-            decode_compressed_image(SimpleNamespace(format="16UC1; compressedDepth", data=whole[:part]))
+            decode_compressed(SimpleNamespace(format="16UC1; compressedDepth", data=whole[:part]))
     header = b"IHDR" + struct.pack(">II", 9_000, 9_000) + whole[36:41]
     huge = whole[:24] + header + struct.pack(">I", zlib.crc32(header)) + whole[45:]
     with pytest.raises(ValueError, match="max_bytes"):
-        decode_compressed_image(SimpleNamespace(format="16UC1; compressedDepth", data=huge), 1 << 20)
+        decode_compressed(SimpleNamespace(format="16UC1; compressedDepth", data=huge), 1 << 20)
     assert not is_depth(SimpleNamespace(format="jpeg"))

@@ -104,5 +104,5 @@ def test_invalid_motions_are_refused(bad):
 
 def test_memory_is_limited():
     with pytest.raises(ValueError, match="the transforms take more than max_bytes"):
-        make_tree(make_many(17), max_bytes=1024)
-    make_tree(make_many(16), max_bytes=1024)
+        make_tree(make_many(90), max_bytes=100_000)
+    assert make_tree(make_many(80), max_bytes=100_000).size < 100_000
