@@ -3,6 +3,7 @@
 
 mod arguments;
 mod arrays;
+mod called;
 mod centerline;
 mod colors;
 mod curves;

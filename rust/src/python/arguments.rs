@@ -11,6 +11,7 @@ use pyo3::exceptions::{PyMemoryError, PyOverflowError, PyTypeError, PyValueError
 use pyo3::prelude::*;
 
 use super::arrays::Constant;
+use super::called::{called_method, text_of};
 use crate::geometry::{Point, RigidMotion};
 use crate::normals::Viewpoints;
 
@@ -69,7 +70,7 @@ impl<T: Element + Copy + 'static> Array<T> {
     pub(super) fn exactly(name: &str, value: &Bound<'_, PyAny>, dimensions: usize) -> PyResult<Self> {
         let refuse = || {
             let (wanted, got) = (T::get_dtype(value.py()), value.get_type());
-            let got = value.getattr("dtype").map_or_else(|_| got.to_string(), |dtype| dtype.to_string());
+            let got = value.getattr("dtype").map_or_else(|_| got.to_string(), |dtype| text_of(&dtype));
             PyTypeError::new_err(format!("{name}: expected a C-ordered array of {wanted}, got {got}"))
         };
         let array = value.cast::<PyArrayDyn<T>>().map_err(|_| refuse())?;
@@ -99,7 +100,7 @@ impl Array<bool> {
         }
         if value.getattr("dtype").is_ok_and(|dtype| dtype.eq("bool").unwrap_or(false)) {
             // a byte that another thread writes need not be 0 or 1
-            let bytes = value.call_method1("view", ("uint8",))?;
+            let bytes = called_method(value, "view", ("uint8",))?;
             let Array { values, shape } = Array::<u8>::exactly(name, &bytes, dimensions)?;
             let flags = values.iter().map(|&byte| byte != 0).collect();
             return Ok(Self { values: Values::Copy(flags), shape });
@@ -166,7 +167,7 @@ impl FloatArray {
             return Ok(Self { values, shape: array.shape().to_vec() });
         }
         let numpy = py.import("numpy")?;
-        let array = numpy.call_method1("asarray", (value,)).map_err(|error| named(py, name, error))?;
+        let array = called_method(&numpy, "asarray", (value,)).map_err(|error| named(py, name, error))?;
         let dtype = array.getattr("dtype")?;
         let kind: String = dtype.getattr("kind")?.extract()?;
         if !kinds.contains(&kind) {
@@ -178,10 +179,11 @@ impl FloatArray {
                 _ => "",
             };
             return Err(PyTypeError::new_err(format!(
-                "{name}: expected {wanted}, got dtype {dtype}{reason}"
+                "{name}: expected {wanted}, got dtype {}{reason}",
+                text_of(&dtype)
             )));
         }
-        let array = numpy.call_method1("require", (array, "float64", "CA"))?;
+        let array = called_method(&numpy, "require", (array, "float64", "CA"))?;
         let array = array.cast_into::<PyArrayDyn<f64>>()?;
         let shape = array.shape().to_vec();
         let values =

@@ -9,6 +9,7 @@ use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::intern;
 use pyo3::prelude::*;
 
+use super::called::called_method;
 use super::errors::StrandError;
 use crate::parallel::{self, Caller};
 
@@ -95,6 +96,8 @@ fn internal(panic: Box<dyn Any + Send>) -> PyErr {
 /// Returns whether the calling thread is the one that runs signal handlers.
 fn is_main_thread(py: Python<'_>) -> PyResult<bool> {
     let threading = py.import(intern!(py, "threading"))?;
-    let main = threading.call_method0(intern!(py, "main_thread"))?.getattr(intern!(py, "ident"))?;
-    threading.call_method0(intern!(py, "get_ident"))?.eq(main)
+    let main = called_method(&threading, "main_thread", ())?;
+    // a property in Python
+    let ident = called_method(&main, "__getattribute__", ("ident",))?;
+    threading.call_method0(intern!(py, "get_ident"))?.eq(ident)
 }

@@ -18,6 +18,7 @@ LISTED = {
     "published/centerline.rs": 2,
     "python/arguments.rs": 1,
     "python/arrays.rs": 5,
+    "python/called.rs": 1,
     "simd.rs": 4,
     "simd/avx2.rs": 8,
     "simd/avx512.rs": 8,

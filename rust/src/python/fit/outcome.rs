@@ -10,6 +10,7 @@ use pyo3::types::{PyDict, PyTuple};
 
 use crate::python::arguments::{Array, FloatArray, number, require_same_length, wrong_shape};
 use crate::python::arrays::{Constant, array, constant};
+use crate::python::called::called_method;
 use crate::tubes::tubefit::{OnCurve, deviations};
 
 /// The result of `strand.fit_tubes`; its arrays are read-only.
@@ -283,7 +284,7 @@ fn kept<T: Element + Copy + 'static, D: Dimension>(
     if Constant::of(given).is_some() {
         return Ok(array);
     }
-    let values = taken(&given.call_method1("copy", ("C",))?, given.ndim())?;
+    let values = taken(&called_method(given, "copy", ("C",))?, given.ndim())?;
     Ok(constant(py, values.into_values(), given.dims())?.unbind())
 }
 
