@@ -11,16 +11,17 @@ from typing_extensions import Unpack
 __all__ = [
     "EndObservation", "IcpResult", "ImageFit", "NotEnoughDataError", "RopeImages", "StrandError", "TubeFit",
     "TubeQueries", "Visibility", "__version__", "bridge", "centerline", "convert_to_lab", "convolved",
-    "copy_constant", "copy_depth", "count_cores", "count_neighbors", "count_neighbors_each",
-    "count_typical_neighbors", "count_voxels", "crop_images", "crop_points", "draw_knot", "draw_ropes",
-    "end_direction", "estimate_mask_radius", "estimate_normals", "estimate_normals_each", "estimate_radii",
-    "evaluate_spline", "find_color_pieces", "find_crossed_segments", "find_extents", "find_fullest_plane",
-    "find_linking_number", "find_order_probability", "find_overlaps", "find_short_outlines",
-    "find_squared_distances", "find_standing", "fit_spline", "fit_tubes", "icp", "identify_knot",
-    "measure_behind", "measure_bending", "measure_depth_bends", "measure_edge_distances", "measure_heights",
-    "measure_largest_blob", "measure_variances", "num_threads", "number_blobs", "occludes", "path_length",
-    "price_join", "radius_outlier_mask", "register_in_turn", "set_num_threads", "straighten",
-    "tabulate_arc_length", "trace_chains", "trace_tubes", "track_frame", "unproject",
+    "copy_constant", "copy_depth", "count_cores", "count_mask_parts", "count_neighbors",
+    "count_neighbors_each", "count_typical_neighbors", "count_voxels", "crop_images", "crop_points",
+    "draw_knot", "draw_ropes", "end_direction", "estimate_mask_radius", "estimate_normals",
+    "estimate_normals_each", "estimate_radii", "evaluate_spline", "find_color_pieces",
+    "find_crossed_segments", "find_extents", "find_fullest_plane", "find_linking_number", "find_nearest",
+    "find_order_probability", "find_overlaps", "find_short_outlines", "find_squared_distances",
+    "find_standing", "fit_spline", "fit_tubes", "icp", "identify_knot", "measure_behind", "measure_bending",
+    "measure_depth_bends", "measure_edge_distances", "measure_heights", "measure_variances", "num_threads",
+    "number_blobs", "occludes", "path_length", "price_join", "radius_outlier_mask", "register_in_turn",
+    "set_num_threads", "straighten", "tabulate_arc_length", "trace_chains", "trace_tubes", "track_frame",
+    "unproject",
 ]
 # fmt: on
 
@@ -402,7 +403,7 @@ def draw_ropes(
     ropes: Sequence[tuple[int, ArrayLike]],
     half_width: float,
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]: ...
-def measure_largest_blob(mask: _Bools) -> int: ...
+def count_mask_parts(mask: _Bools, piece: float, hole: float) -> tuple[int, int, int]: ...
 def number_blobs(mask: _Bools) -> _Ints: ...
 def measure_edge_distances(mask: _Bools, most: SupportsIndex) -> NDArray[np.float32]: ...
 def find_short_outlines(
@@ -485,6 +486,7 @@ def measure_depth_bends(
 def measure_behind(
     depth: ArrayLike, camera: Sequence[Sequence[float]], pose: ArrayLike, points: ArrayLike, nearest: float
 ) -> _Floats: ...
+def find_nearest(points: ArrayLike, others: ArrayLike) -> _Ints: ...
 def find_squared_distances(points: ArrayLike, others: ArrayLike) -> _Floats: ...
 def copy_constant(points: ArrayLike) -> _Floats: ...
 def copy_depth(depth: ArrayLike, farthest: float) -> tuple[_Floats, int]: ...

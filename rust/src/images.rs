@@ -9,6 +9,7 @@ pub mod image;
 pub mod imagefit;
 pub mod mending;
 pub mod outline;
+pub mod parts;
 pub mod planes;
 pub mod readings;
 mod relief;

@@ -92,6 +92,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(views::crop_images, module)?)?;
     module.add_function(wrap_pyfunction!(density::count_typical_neighbors, module)?)?;
     module.add_function(wrap_pyfunction!(density::count_voxels, module)?)?;
+    module.add_function(wrap_pyfunction!(density::find_nearest, module)?)?;
     module.add_function(wrap_pyfunction!(density::find_squared_distances, module)?)?;
     module.add_function(wrap_pyfunction!(density::measure_variances, module)?)?;
     module.add_function(wrap_pyfunction!(views::measure_depth_bends, module)?)?;
@@ -126,7 +127,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(knots::find_order_probability, module)?)?;
     module.add_function(wrap_pyfunction!(knots::find_linking_number, module)?)?;
     module.add_function(wrap_pyfunction!(masks::convolved, module)?)?;
-    module.add_function(wrap_pyfunction!(masks::measure_largest_blob, module)?)?;
+    module.add_function(wrap_pyfunction!(masks::count_mask_parts, module)?)?;
     module.add_function(wrap_pyfunction!(masks::number_blobs, module)?)?;
     module.add_function(wrap_pyfunction!(masks::measure_edge_distances, module)?)?;
     module.add_function(wrap_pyfunction!(masks::find_short_outlines, module)?)?;

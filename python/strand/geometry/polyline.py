@@ -71,3 +71,17 @@ def order_segments(count: int, joins: Sequence[tuple[int, int]]) -> list[tuple[l
             entered.append(mate[entered[-1] ^ 1])
         ropes.append((entered, not open_ends))
     return ropes
+
+
+def bound_polylines(polylines: Sequence[Array]) -> tuple[Array, Array]:
+    """Return (K, 3) low and high corners of boxes around polylines, (M, 3) each."""
+    return (
+        np.array([nodes.min(axis=0) for nodes in polylines]).reshape(-1, 3),
+        np.array([nodes.max(axis=0) for nodes in polylines]).reshape(-1, 3),
+    )
+
+
+def measure_gaps(boxes: tuple[Array, Array], place: Array) -> Array:
+    """(K,) Return the distances of a place from boxes, given by (K, 3) corners; 0 inside."""
+    low, high = boxes
+    return np.linalg.norm(np.maximum(np.maximum(low - place, place - high), 0.0), axis=1)

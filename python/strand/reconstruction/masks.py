@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.reconstruction.evidence.depth_resolution import find_depth_step, show_in_windows
+from strand.reconstruction.images.mask_parts import count_mask_parts, explain_many_parts
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.reconstruction.stages import Run
 from strand.ropes.doubt import Doubt, ModelWarning
@@ -131,7 +131,7 @@ def select_views(extract: Extract, filtered: Sequence[View], radius: float, run:
     """
     reasons: dict[int, str] = {}
     for number, (view, own, left) in enumerate(zip(extract.whole, extract.inside, filtered, strict=True)):
-        reason = _explain_small_mask(view, radius) or _explain_empty_mask(view)
+        reason = _explain_unlike_mask(view, radius) or _explain_empty_mask(view)
         if reason is None and not len(left.points):
             reason = _explain_no_points(view, own)
         if reason is not None:
@@ -154,21 +154,21 @@ def _explain_empty_mask(view: View) -> str | None:
     return "no depth inside its mask" if mask.any() else "an empty mask"
 
 
-def _explain_small_mask(view: View, radius: float) -> str | None:
-    """Say why a mask with depth is too small for a rope of a radius, metres; None if it is not."""
+def _explain_unlike_mask(view: View, radius: float) -> str | None:
+    """Say why a mask with depth is unlike one of ropes of a radius, metres; None if it is not."""
     image, mask = view.image, view.mask
     if image is None or mask is None:
         return None
     if np.isnan(image.distance):
         return None
     across = radius * max(image.camera.focal) / image.distance
-    largest = _core.measure_largest_blob(mask)
-    if largest >= _MIN_AREA * across**2:
-        return None
-    return (
-        f"a mask that shows no rope: its largest part has {largest} pixels, and a rope of this radius is "
-        f"{2.0 * across:.1f} wide"
-    )
+    largest, pieces, holes = count_mask_parts(mask, across)
+    if largest < _MIN_AREA * across**2:
+        return (
+            f"a mask that shows no rope: its largest part has {largest} pixels, and a rope of this radius is "
+            f"{2.0 * across:.1f} wide"
+        )
+    return explain_many_parts(pieces, holes)
 
 
 def _explain_no_points(view: View, own: View) -> str:

@@ -10,17 +10,22 @@ use crate::parallel;
 
 const POINTS_PER_TASK: usize = 1024; // points that one task works on
 
-/// Returns the squared distance of each point to the nearest of `others`, m²; infinity if there are none.
-pub(crate) fn squared_distances(points: &[Point], others: &[Point]) -> Result<Vec<f64>> {
+/// Returns the number of the nearest of `others` to each point, the first among equals; None if there are none.
+pub(crate) fn nearest(points: &[Point], others: &[Point]) -> Result<Vec<Option<usize>>> {
     check_finite("points", points)?;
     check_finite("others", others)?;
     Ok(parallel::run(|| {
         let boxes = Hierarchy::new(others.iter().copied());
-        let nearest = |&p: &Point| {
-            boxes.nearest(p, f64::INFINITY).map_or(f64::INFINITY, |i| squared_distance(p, others[i]))
-        };
+        let nearest = |&p: &Point| boxes.nearest(p, f64::INFINITY);
         points.par_iter().with_min_len(POINTS_PER_TASK).map(nearest).collect()
     }))
+}
+
+/// Returns the squared distance of each point to the nearest of `others`, m²; infinity if there are none.
+pub(crate) fn squared_distances(points: &[Point], others: &[Point]) -> Result<Vec<f64>> {
+    let measure =
+        |(p, i): (&Point, Option<usize>)| i.map_or(f64::INFINITY, |i| squared_distance(*p, others[i]));
+    Ok(points.iter().zip(nearest(points, others)?).map(measure).collect())
 }
 
 #[cfg(test)]
@@ -36,6 +41,13 @@ mod tests {
             squared_distances(&points, &others).unwrap(),
             [expected[0] + 1.0, expected[1], expected[2]]
         );
+        // the first among equals
+        let twice = [[3.0, 0.0, 0.0], [4.0, 0.0, 0.0], [3.0, 0.0, 0.0]];
+        assert_eq!(
+            nearest(&[[3.4, 1.0, 0.0], [3.5, 0.0, 0.0], [9.0, 0.0, 0.0]], &twice).unwrap(),
+            [Some(0), Some(0), Some(1)]
+        );
+        assert_eq!(nearest(&points[..1], &[]).unwrap(), [None]);
         assert_eq!(squared_distances(&points[..1], &[]).unwrap(), [f64::INFINITY]);
         assert!(squared_distances(&[[f64::NAN; 3]], &others).is_err());
         assert!(squared_distances(&points, &[[f64::NAN; 3]]).is_err());

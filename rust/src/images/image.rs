@@ -22,29 +22,6 @@ impl<T: Copy> Image<T> {
     }
 }
 
-impl Image<bool> {
-    /// Fills holes of chosen sizes. Pixels connected to the border are outside.
-    pub fn fill_holes(&mut self, chosen: impl Fn(usize) -> bool) {
-        let found = find_blobs(self, false, false);
-        let mut outside = vec![false; found.sizes.len()];
-        for run in &found.runs {
-            outside[run.blob] |=
-                run.begin == 0 || run.end == self.width || run.row == 0 || run.row + 1 == self.height;
-        }
-        for run in found.runs.iter().filter(|run| !outside[run.blob] && chosen(found.sizes[run.blob])) {
-            self.values[run.row * self.width..][run.begin..run.end].fill(true);
-        }
-    }
-
-    /// Flips the values of blobs of chosen sizes; `of` and `diagonal` as in [`find_blobs`].
-    pub fn turn_blobs(&mut self, of: bool, diagonal: bool, chosen: impl Fn(usize) -> bool) {
-        let found = find_blobs(self, of, diagonal);
-        for run in found.runs.iter().filter(|run| chosen(found.sizes[run.blob])) {
-            self.values[run.row * self.width..][run.begin..run.end].fill(!of);
-        }
-    }
-}
-
 impl Image<f32> {
     /// Interpolates between pixels; values beyond the border equal those on it.
     #[inline]

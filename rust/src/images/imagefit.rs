@@ -17,6 +17,7 @@ mod evidence;
 mod grid;
 mod lift;
 mod medians;
+mod order;
 mod outcome;
 mod places;
 mod prepared;
@@ -24,6 +25,7 @@ mod rendering;
 mod residuals;
 mod search;
 mod smoothing;
+mod stretches;
 mod support;
 #[cfg(test)]
 mod tests;

@@ -40,6 +40,20 @@ pub(super) fn find_squared_distances<'py>(
     list(py, released_if_many(py, count, move || proximity::squared_distances(&points, &others))??)
 }
 
+/// Return the number of the nearest of others to each point, the first among equals; -1 if there are none.
+#[pyfunction]
+pub(super) fn find_nearest<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    others: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray1<i64>>> {
+    let points = Points::new("points", points, "(N, 3)")?;
+    let others = Points::new("others", others, "(M, 3)")?;
+    let count = points.len() + others.len();
+    let found = released_if_many(py, count, move || proximity::nearest(&points, &others))??;
+    list(py, found.into_iter().map(|number| number.map_or(-1, |number| number as i64)).collect())
+}
+
 /// Return (M, 3) variances along the principal axes of the points within `reach` of each place, ascending, m^2; NaN
 /// where there are fewer than `fewest` points.
 #[pyfunction]

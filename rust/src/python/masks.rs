@@ -9,6 +9,7 @@ use super::arrays::array;
 use super::released::released;
 use crate::images::image::{Image, find_blobs, measure_distances};
 use crate::images::outline;
+use crate::images::parts::count_parts;
 use crate::images::silhouette::Silhouette;
 use crate::parallel;
 
@@ -43,13 +44,20 @@ pub(super) fn convolved<'py>(
     array(py, found, [height, width])
 }
 
-/// Return the number of pixels of a mask's largest blob; diagonal neighbours are connected.
+/// Return the number of pixels of a mask's largest piece, the number of its pieces of at least `piece` pixels, and the
+/// number of its enclosed holes of at least `hole` pixels; diagonal neighbours are connected.
 #[pyfunction]
-pub(super) fn measure_largest_blob(py: Python<'_>, mask: &Bound<'_, PyAny>) -> PyResult<usize> {
+pub(super) fn count_mask_parts(
+    py: Python<'_>,
+    mask: &Bound<'_, PyAny>,
+    piece: f64,
+    hole: f64,
+) -> PyResult<(usize, usize, usize)> {
     let mask = Array::mask("mask", mask)?;
     let [height, width] = mask.image_shape("mask")?;
     let image = Image { width, height, values: mask.into_values() };
-    released(py, move || find_blobs(&image, true, true).sizes.into_iter().max().unwrap_or(0))
+    let parts = released(py, move || count_parts(&image, piece, hole))?;
+    Ok((parts.largest, parts.pieces, parts.holes))
 }
 
 /// Return (H, W) numbers of each pixel's blob, from 1 on, 0 outside the mask; diagonal neighbours are connected.

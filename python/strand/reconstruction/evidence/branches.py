@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from strand.geometry.polyline import bound_polylines, measure_gaps
 from strand.reconstruction.evidence.visibility import Visibility
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
@@ -32,15 +33,20 @@ def find_branches(
     list of (int, int, (3,) ndarray)
         Number of the chain that ends, of the one it ends on, and where, metres.
     """
-    found = []
+    found: list[tuple[int, int, Array]] = []
+    if len(chains) < 2:
+        return found
+    boxes = bound_polylines([chain.points for chain in chains])
+    radii = np.array([chain.radius for chain in chains])
     for number, chain in enumerate(chains):
         for points in () if chain.closed else (chain.points, chain.points[::-1]):
             r = chain.radius
             out = points[0] - points[min(_DIRECTION, len(points) - 1)]
             out = out / np.linalg.norm(out)
-            for other, trunk in enumerate(chains):
-                if other == number:
-                    continue
+            near = measure_gaps(boxes, points[0]) < radii + _REACH * r
+            near[number] = False
+            for other in np.flatnonzero(near):
+                trunk = chains[other]
                 reach = trunk.radius + _REACH * r
                 ahead = points[0] + np.arange(0.0, reach, _STEP * r)[:, None] * out
                 away = np.linalg.norm(ahead[:, None] - trunk.points[None], axis=2)
@@ -51,5 +57,5 @@ def find_branches(
                 nearest = away.min(axis=1)
                 between = ahead[: nearest.argmin()][nearest[: nearest.argmin()] > trunk.radius]
                 if visibility is None or not visibility.free(between, r).any():
-                    found.append((number, other, trunk.points[place]))
+                    found.append((number, int(other), trunk.points[place]))
     return found

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from strand.geometry.polyline import bound_polylines, measure_gaps
 from strand.reconstruction.evidence.prior import Prior
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
@@ -46,22 +47,28 @@ def assign_doubts(
     """
     named = {id(doubt): numbers for doubt, numbers in about if numbers}
     found: list[list[Doubt]] = [[] for _ in chains]
+    boxes = bound_polylines([chain.points for chain in chains])
     for doubt in doubts:
         numbers: Sequence[int] | None = named.get(id(doubt))
         if numbers is None:
             if doubt.place is None or doubt.amount >= _GRAVE:
                 numbers = range(len(chains))
             else:
-                numbers = _find_near(chains, doubt.place)
+                numbers = _find_near(chains, boxes, doubt.place)
         for number in numbers:
             found[number].append(doubt)
     return [tuple(own) for own in found]
 
 
-def _find_near(chains: Sequence[Chain], place: Array) -> list[int]:
-    """Return the numbers of the chains within reach of a place."""
-    away = [float(np.linalg.norm(chain.points - place, axis=1).min()) / chain.radius for chain in chains]
-    return [number for number, distance in enumerate(away) if distance <= _REACH]
+def _find_near(chains: Sequence[Chain], boxes: tuple[Array, Array], place: Array) -> list[int]:
+    """Return the numbers of the chains, in boxes, within reach of a place."""
+    reach = _REACH * np.array([chain.radius for chain in chains])
+    found = []
+    for number in np.flatnonzero(measure_gaps(boxes, place) <= reach):
+        chain = chains[number]
+        if np.linalg.norm(chain.points - place, axis=1).min() / chain.radius <= _REACH:
+            found.append(int(number))
+    return found
 
 
 def doubt_margin(margin: float) -> float:

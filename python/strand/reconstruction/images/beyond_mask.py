@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 import strand._core as _core
+from strand.geometry.polyline import bound_polylines, measure_gaps
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
@@ -40,6 +41,8 @@ def doubt_ends_beyond_masks(
     radius : float
         Metres.
     """
+    boxes = bound_polylines(chains)
+    reach = (_PLACES[-1] + _MIN_OTHER_DISTANCE) * radius
     for number, nodes in enumerate(chains):
         for way in (nodes, nodes[::-1]):
             from_end = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
@@ -48,7 +51,8 @@ def doubt_ends_beyond_masks(
             back = int(np.searchsorted(from_end, _PLACES[-1] * radius))
             outward = way[0] - way[back]
             outward /= max(float(np.linalg.norm(outward)), np.finfo(float).tiny)
-            others = [way[from_end > _OWN * radius], *(x for k, x in enumerate(chains) if k != number)]
+            near = [int(k) for k in np.flatnonzero(measure_gaps(boxes, way[0]) <= reach)]
+            others = [way[from_end > _OWN * radius], *(chains[k] for k in near if k != number)]
             beyond = way[0] + radius * _PLACES[:, None] * outward
             away = _core.find_squared_distances(beyond, np.concatenate(others))
             beyond = beyond[away > (_MIN_OTHER_DISTANCE * radius) ** 2]

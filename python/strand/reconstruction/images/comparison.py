@@ -38,6 +38,7 @@ _MAX_OUTSIDE = 2.0  # squared radii of tube outside masks: with more, ropes may 
 _MAX_READINGS = 6  # readings of each view
 _MAX_MORE = 12.0  # cost above the best reading's: those that cost more are not fitted
 _MIN_READINGS = 2  # readings that are fitted whatever they cost
+_MAX_FITTED = 10_000.0  # radii of rope in the readings that are fitted, for each view up to two
 _MAX_LONGER = 4.0  # times the longest reading's length: ropes found otherwise that are longer are noise
 _MAX_LENGTH = 5e4  # pixels: longer ropes, and those that are farther away, are in no image
 _STEPS = 8  # steps of a fit
@@ -100,15 +101,19 @@ def find_likely_readings(
     most : int
         Readings of each view. At most twice as many are returned.
     more : float
-        Cost above the best reading's: readings that cost more are dropped, but for the best two.
+        Cost above the best reading's: readings that cost more are dropped, but for the best two. Where ropes
+        are very long, fewer are returned.
     """
     found = [Reading(*each) for each in images.find_readings(ropes, most, list(views))]
     found.sort(key=lambda reading: reading.cost)
-    return [
-        reading
-        for place, reading in enumerate(found[: 2 * most])
-        if reading.chains and (place < _MIN_READINGS or reading.cost < found[0].cost + more)
-    ]
+    kept: list[Reading] = []
+    left = _MAX_FITTED * min(len(views), 2)
+    for place, reading in enumerate(found[: 2 * most]):
+        left -= _sum_lengths(reading.chains) / images.radii[reading.view]
+        likely = place < _MIN_READINGS or reading.cost < found[0].cost + more
+        if reading.chains and likely and (left > 0.0 or not kept):
+            kept.append(reading)
+    return kept
 
 
 def are_worth_a_fit(chains: Sequence[Array], readings: Sequence[Reading]) -> bool:

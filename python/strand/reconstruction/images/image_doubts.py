@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 import strand._core as _core
 from strand._core import ImageFit
@@ -13,7 +12,6 @@ from strand.geometry.polyline import find_runs
 from strand.reconstruction.courses import Course, are_same_courses, sample_courses
 from strand.reconstruction.evidence.confidence import MIN_DOUBT, SCALE, USUAL_NOISE
 from strand.reconstruction.images.comparison import Explanation
-from strand.reconstruction.images.image_nodes import iterate_squared_distances
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
@@ -186,7 +184,8 @@ def _locate_difference(
     farthest: tuple[float, Array | None] = _MIN_DISTANCE * radius, None
     joined: Array | None = None
     for nodes in chains:
-        nearest, away = _find_nearest(nodes, theirs)
+        nearest = _core.find_nearest(nodes, theirs)
+        away = np.linalg.norm(nodes - theirs[nearest], axis=1)
         k = int(away.argmax())
         if away[k] > farthest[0]:
             farthest = float(away[k]), nodes[k]
@@ -194,13 +193,3 @@ def _locate_difference(
         if joined is None and jumps.any():
             joined = nodes[int(jumps.argmax())]
     return (farthest[1], False) if farthest[1] is not None else (joined, joined is not None)
-
-
-def _find_nearest(nodes: Array, others: Array) -> tuple[NDArray[np.intp], Array]:
-    """(M,), (M,) Return the number of the nearest other node to each node, and its distance."""
-    nearest = np.empty(len(nodes), dtype=np.intp)
-    away = np.empty(len(nodes))
-    for some, squares in iterate_squared_distances(nodes, others):
-        nearest[some] = squares.argmin(axis=1)
-        away[some] = np.sqrt(squares.min(axis=1))
-    return nearest, away

@@ -9,6 +9,7 @@ from strand._core import NotEnoughDataError
 from strand.geometry.plane import Plane
 from strand.reconstruction.images.fat_masks import slim_fat_masks
 from strand.reconstruction.images.finer_grid import magnify_thin_ropes
+from strand.reconstruction.images.mask_parts import count_mask_parts, explain_many_parts
 from strand.reconstruction.images.prepare import prepare_images
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.support.checks import Array
@@ -52,6 +53,9 @@ def _estimate_by_area(image: DepthImage) -> tuple[float, list[Array]]:
     pixels = _core.estimate_mask_radius(image.mask)
     if pixels is None or np.isnan(image.distance):
         raise NotEnoughDataError("views: the masks show no rope with depth")
+    _, pieces, holes = count_mask_parts(image.mask, pixels)
+    if reason := explain_many_parts(pieces, holes):
+        raise NotEnoughDataError(f"views: no radius is given, and the view to measure it has {reason}")
     shown = pixels * image.distance / image.camera.focal[0]
     radius, chains = _measure_area(image, shown)
     # ragged masks show a radius that is too small, but not that of thin ropes once they are read

@@ -7,10 +7,6 @@ const TOGETHER: usize = 5; // pairs nearer than this in both places along the ro
 /// Crossings nearer than this along either strand are one, samples: what separates them is jitter.
 const WINDING: usize = 4;
 const STRETCH: usize = 8; // length of the pieces in which a long overlap is kept apart, samples
-const MAX_DOUBLE: usize = 24; // pairs of neighbouring crossings at most whose orders are flipped together
-/// Work on the orders of all crossings together at most: samples times crossings of each solution.
-const MAX_WORK: usize = 100_000_000;
-const CLEAR: f64 = 20.0; // a crossing is not tried again if its two orders alone differ by more than this, cost
 
 /// A crossing of two strands in an image.
 #[derive(Debug, Clone, PartialEq)]
@@ -175,78 +171,6 @@ impl Evidence<'_> {
         }
         self.profile.solve(&weights, self.sigma, &gaps, self.start, rounds)
     }
-
-    /// Decides which strand is on top at each overlap, and by what margin. All are decided together, because a strand's
-    /// depth at one crossing bounds its depth at the next.
-    pub fn decide(&self, overlaps: &[Overlap]) -> Vec<(bool, f64)> {
-        let cost = |order: &[Option<bool>], rounds| self.solve(overlaps, order, rounds).1;
-        let mut alone = vec![0.0; overlaps.len()];
-        let mut order: Vec<Option<bool>> = vec![None; overlaps.len()];
-        let mut start = order.clone();
-        for k in 0..overlaps.len() {
-            let costs = [true, false].map(|first| {
-                order[k] = Some(first);
-                cost(&order, 2)
-            });
-            order[k] = None;
-            start[k] = Some(costs[0] <= costs[1]);
-            alone[k] = (costs[0] - costs[1]).abs();
-        }
-        if overlaps.len() < 2 {
-            return start.iter().zip(alone).map(|(first, margin)| (first == &Some(true), margin)).collect();
-        }
-        let mut order = start;
-        let mut best = cost(&order, 3);
-        let mut margins = alone.clone();
-        let each = self.start.len() * overlaps.len();
-        let mut work = 0;
-        for _ in 0..2 * overlaps.len() {
-            if work > MAX_WORK {
-                break;
-            }
-            let singles = (0..overlaps.len()).filter(|&k| alone[k] < CLEAR).map(|k| vec![k]);
-            let doubles = find_neighbors(overlaps).into_iter().take(MAX_DOUBLE);
-            let doubles = doubles.filter(|p| p.iter().all(|&k| alone[k] < CLEAR)).map(|p| p.to_vec());
-            let mut gain: Option<(f64, Vec<usize>)> = None;
-            for flips in singles.chain(doubles) {
-                let mut other = order.clone();
-                for &k in &flips {
-                    other[k] = other[k].map(|first| !first);
-                }
-                let more = cost(&other, 3) - best;
-                work += each;
-                if let [k] = flips[..] {
-                    margins[k] = more;
-                }
-                if more < gain.as_ref().map_or(-1e-9, |g| g.0) {
-                    gain = Some((more, flips));
-                }
-            }
-            let Some((more, flips)) = gain else { break };
-            for k in flips {
-                order[k] = order[k].map(|first| !first);
-            }
-            best += more;
-        }
-        order.iter().zip(margins).map(|(first, margin)| (first == &Some(true), margin.max(0.0))).collect()
-    }
-}
-
-/// Returns pairs of overlaps that follow each other along a rope.
-fn find_neighbors(overlaps: &[Overlap]) -> Vec<[usize; 2]> {
-    let mut visits: Vec<(usize, usize)> = Vec::new();
-    for (k, overlap) in overlaps.iter().enumerate() {
-        visits.extend(overlap.sides.iter().map(|side| (side[side.len() / 2], k)));
-    }
-    visits.sort_unstable();
-    let mut pairs: Vec<[usize; 2]> = visits
-        .windows(2)
-        .filter(|w| w[0].1 != w[1].1)
-        .map(|w| [w[0].1.min(w[1].1), w[0].1.max(w[1].1)])
-        .collect();
-    pairs.sort_unstable();
-    pairs.dedup();
-    pairs
 }
 
 /// Returns whether two samples are different places of the ropes.
@@ -284,6 +208,5 @@ mod tests {
         let found = find_overlaps(&pairs, &places, &[0; 100]);
         assert_eq!(found.len(), 2);
         assert_eq!(found[0].sides, [vec![10, 11, 14], vec![50, 51, 53]]);
-        assert_eq!(find_neighbors(&found), [[0, 1]]);
     }
 }

@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::camera::{Plane, RopeView, Sensor};
 use super::crossings::{Crossing, Evidence, apart, find_hiding, find_overlaps};
 use super::grid::Grid;
+use super::order::decide_order;
 use super::places::{HIDES, MIXED, MIXES, OnChain, Place2, STEP};
 use super::smoothing::Profile;
 use crate::geometry::median::{MEDIAN_TO_SD, median};
@@ -107,7 +108,7 @@ pub fn lift(
     profile.ceilings = ceilings;
     let found = find_overlaps(&pairs, &places, &numbers);
     let evidence = Evidence { profile: &profile, clear: &weights, owned: &owned, sigma, start: &x };
-    let decided = evidence.decide(&found);
+    let decided = decide_order(&evidence, &found);
     // an end beside a strand touches it and does not cross it, unless depth shows otherwise
     let at_end = |i: usize| {
         let range = &ranges[numbers[i] as usize];

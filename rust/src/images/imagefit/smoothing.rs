@@ -42,7 +42,7 @@ pub struct Profile {
     pub observed: Vec<f64>,
     /// The largest depths above the table; infinite without a table.
     pub ceilings: Vec<f64>,
-    chains: Vec<Range<usize>>,
+    pub chains: Vec<Range<usize>>,
     stiffness: Band<3>,
     /// Independent observations for each sample.
     density: f64,
@@ -51,13 +51,21 @@ pub struct Profile {
 impl Profile {
     /// Makes a profile; `correlation` is the length that counts as one observation, radii.
     pub fn new(observed: Vec<f64>, ceilings: Vec<f64>, chains: Vec<Range<usize>>, correlation: f64) -> Self {
-        let mut stiffness = Band::zeros(observed.len());
-        for chain in &chains {
-            for i in chain.start..chain.end.saturating_sub(2) {
-                stiffness.add_square(i, &[1.0, -2.0, 1.0], STIFFNESS / STEP.powi(3));
-            }
-        }
+        let stiffness = make_stiffness(&chains, observed.len());
         Self { observed, ceilings, chains, stiffness, density: STEP / correlation }
+    }
+
+    /// Returns the profile of some ranges of samples, each of one chain, as if these were all.
+    pub fn cut(&self, ranges: &[Range<usize>]) -> Self {
+        let cut = |values: &[f64]| ranges.iter().flat_map(|r| &values[r.clone()]).copied().collect();
+        let mut chains: Vec<Range<usize>> = Vec::with_capacity(ranges.len());
+        for range in ranges {
+            let start = chains.last().map_or(0, |chain| chain.end);
+            chains.push(start..start + range.len());
+        }
+        let observed: Vec<f64> = cut(&self.observed);
+        let stiffness = make_stiffness(&chains, observed.len());
+        Self { ceilings: cut(&self.ceilings), observed, chains, stiffness, density: self.density }
     }
 
     /// Finds the depths of least cost, and that cost, in some rounds from `start`, if given. Weights of observations
@@ -143,6 +151,17 @@ impl Profile {
         let missing = gaps.iter().map(|gap| gap.share * (gap.need - gap.of(|i| x[i])).max(0.0).powi(2));
         cost + GAP * missing.sum::<f64>()
     }
+}
+
+/// Makes the matrix of the bending of chains, which hold `n` samples together.
+fn make_stiffness(chains: &[Range<usize>], n: usize) -> Band<3> {
+    let mut stiffness = Band::zeros(n);
+    for chain in chains {
+        for i in chain.start..chain.end.saturating_sub(2) {
+            stiffness.add_square(i, &[1.0, -2.0, 1.0], STIFFNESS / STEP.powi(3));
+        }
+    }
+    stiffness
 }
 
 #[cfg(test)]

@@ -27,7 +27,7 @@ const MAX_WAYS: usize = 600; // whole ways that are put together in one reading 
 const MAX_WORK: usize = 2_000_000; // work on them at most: squared numbers of zones and of chains
 const CHAIN_WORK: usize = 16; // weight of a squared number of chains in that work
 const MAX_CHAINS: usize = 100; // chains of a reading at most; more are no ropes
-const MAX_TRIED: usize = 4_000_000; // ways of single zones that are tried, in all zones together
+const MAX_TRIED: usize = 1_000_000; // ways of single zones that are tried, in all zones together
 
 /// A whole reading of one view.
 #[derive(Debug, Clone)]
