@@ -45,7 +45,7 @@ def find_branches(
             out = out / np.linalg.norm(out)
             near = measure_gaps(boxes, points[0]) < radii + _REACH * r
             near[number] = False
-            for other in np.flatnonzero(near):
+            for other in np.flatnonzero(near).tolist():
                 trunk = chains[other]
                 reach = trunk.radius + _REACH * r
                 ahead = points[0] + np.arange(0.0, reach, _STEP * r)[:, None] * out
@@ -57,5 +57,5 @@ def find_branches(
                 nearest = away.min(axis=1)
                 between = ahead[: nearest.argmin()][nearest[: nearest.argmin()] > trunk.radius]
                 if visibility is None or not visibility.free(between, r).any():
-                    found.append((number, int(other), trunk.points[place]))
+                    found.append((number, other, trunk.points[place]))
     return found

@@ -64,10 +64,10 @@ def _find_near(chains: Sequence[Chain], boxes: tuple[Array, Array], place: Array
     """Return the numbers of the chains, in boxes, within reach of a place."""
     reach = _REACH * np.array([chain.radius for chain in chains])
     found = []
-    for number in np.flatnonzero(measure_gaps(boxes, place) <= reach):
+    for number in np.flatnonzero(measure_gaps(boxes, place) <= reach).tolist():
         chain = chains[number]
         if np.linalg.norm(chain.points - place, axis=1).min() / chain.radius <= _REACH:
-            found.append(int(number))
+            found.append(number)
     return found
 
 
