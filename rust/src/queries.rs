@@ -159,6 +159,9 @@ impl TubeQueries {
         ends: &[RigidMotion],
         half_sizes: &[Point],
     ) -> Result<Vec<Option<Sweep>>> {
+        for (name, poses) in [("starts", starts), ("ends", ends)] {
+            poses.iter().try_for_each(|pose| check_finite(name, &[pose.translation.into()]))?;
+        }
         check_finite("half_sizes", half_sizes)?;
         check_same_length("ends", ends.len(), "starts", starts.len())?;
         check_same_length("half_sizes", half_sizes.len(), "starts", starts.len())?;

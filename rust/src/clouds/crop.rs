@@ -13,7 +13,7 @@ const ROUNDING: f64 = 1e-12;
 
 /// Returns the indices of the points of a camera frame that lie in a box of the world frame, faces included.
 ///
-/// Sides may be infinite. A point with a NaN coordinate lies in no box.
+/// Sides may be infinite. A point that is not finite lies in no box.
 pub(crate) fn crop(points: &[Point], pose: &RigidMotion, [low, high]: [Point; 2]) -> Vec<usize> {
     let inside = |i: &usize| is_inside(pose.apply(points[*i]), [low, high]);
     parallel::run(|| (0..points.len()).into_par_iter().with_min_len(POINTS_PER_TASK).filter(inside).collect())
@@ -21,7 +21,7 @@ pub(crate) fn crop(points: &[Point], pose: &RigidMotion, [low, high]: [Point; 2]
 
 #[inline(always)]
 fn is_inside(world: Point, [low, high]: [Point; 2]) -> bool {
-    (0..3).all(|k| world[k] >= low[k] && world[k] <= high[k])
+    (0..3).all(|k| world[k].is_finite() && world[k] >= low[k] && world[k] <= high[k])
 }
 
 /// A depth image and its camera.
@@ -40,7 +40,7 @@ pub struct DepthView<'a> {
 /// Returns the points of depth images that lie in a box of the world frame, in their camera's frame.
 ///
 /// One pass over the images; pixels outside the box are not unprojected. The box includes its faces. Infinite bounds
-/// leave a side open.
+/// leave a side open. Points that overflow are dropped.
 pub fn crop_images(views: &[DepthView], bounds: [Point; 2]) -> Vec<Vec<Point>> {
     let bands: Vec<(usize, usize, &[f64])> = views
         .iter()
@@ -91,10 +91,13 @@ kernel! {
                 z[..depths.len()].copy_from_slice(depths);
                 let mut may = [true; 2 * LANES];
                 for l in 0..2 * LANES {
-                    let rounding = ROUNDING * (z[l] * steepest + farthest);
+                    // products of subnormal numbers lose all their digits
+                    let rounding = ROUNDING * (z[l] * steepest + farthest) + f64::MIN_POSITIVE;
                     for k in 0..3 {
                         let world = z[l] * (start[k] + (first + l as f64) * step[k]) + pose.translation[k];
-                        may[l] &= (world >= low[k] - rounding) & (world <= high[k] + rounding);
+                        // NaN, where a ray is infinite, may be inside
+                        let outside = (world < low[k] - rounding) | (world > high[k] + rounding);
+                        may[l] &= !outside;
                     }
                     may[l] &= z[l] > 0.0;
                 }
@@ -140,6 +143,30 @@ mod tests {
             assert!(!expected.is_empty());
             let view = DepthView { depth: &depth, width: 37, camera, pose };
             assert_eq!(crop_images(&[view, view], bounds), [expected.clone(), expected]);
+        }
+    }
+
+    #[test]
+    fn numbers_at_the_ends_of_double_precision_are_cropped_alike() {
+        let depth = [5e-324, 3e-320, 1e-310, 2e-308, 1e-300, 1e-160, 1.0, 1e99, 1e200, 1e308];
+        for focal in [5e-324, 1e-310, 1e-200, 30.0, 1e300] {
+            for center in [-2.5, 1e300] {
+                let camera = Pinhole { focal: [focal, 2.0 * focal], center: [center, 0.25] };
+                let pose = RigidMotion {
+                    rotation: nalgebra::Rotation3::new([0.4, -0.7, 1.1].into()).into_inner(),
+                    ..RigidMotion::identity()
+                };
+                let points = crate::clouds::depth::unproject(&depth, 5, camera);
+                let open = [[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]];
+                let corners = points.iter().map(|&corner| pose.apply(corner));
+                for bounds in corners.map(|low| [low, low.map(|x| x + x.abs())]).chain([open]) {
+                    let kept = crop(&points, &pose, bounds);
+                    let expected: Vec<Point> = kept.into_iter().map(|i| points[i]).collect();
+                    assert!(expected.as_flattened().iter().all(|x| x.is_finite()));
+                    let view = DepthView { depth: &depth, width: 5, camera, pose };
+                    assert_eq!(crop_images(&[view], bounds), [expected], "{focal} {center} {bounds:?}");
+                }
+            }
         }
     }
 

@@ -38,9 +38,8 @@ pub(super) fn fit_spline<'py>(
     extension: f64,
 ) -> PyResult<PointsArray<'py>> {
     let nodes = Points::new("nodes", nodes, "(M, 3)")?;
-    // the fit uses dense matrices
     let spans = polyline::arc_length(&nodes).last().map_or(0.0, |length| length / spacing);
-    let effort = nodes.len().saturating_add((spans * spans) as usize);
+    let effort = nodes.len().saturating_add(spans as usize);
     let spline = released_if_many(py, effort, move || Spline::through(&nodes, spacing, extension))??;
     points_array(py, spline.control)
 }

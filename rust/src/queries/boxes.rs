@@ -11,7 +11,9 @@ use super::least::least_place;
 use super::rays::Line;
 use crate::geometry::{Point, RigidMotion, advance, cross, dot};
 
-const MAX_STEPS: usize = 10_000; // steps at most; only rounding can reach this, and the rest then counts as contact
+/// Steps for one capsule at most; only rounding can reach this. The rest of the motion then counts as contact, or as near
+/// as its bound.
+const MAX_STEPS: usize = 10_000;
 const CHORDS: usize = 3; // improvements of a step's length
 const MAX_OPEN: usize = 80; // open intervals of time at most; there are fewer, because intervals are halved
 const BRIEF: f64 = 1e-12; // shorter intervals of time are not divided, shares of the motion
@@ -169,7 +171,8 @@ impl BoxMotion {
     /// Returns the least distance from a capsule's surface during the motion, at most the slack too small, and its
     /// time.
     ///
-    /// It returns `best` if no distance is less. If the axis enters the box, the distance is minus the radius.
+    /// It returns `best` if no distance is less. If the axis enters the box, the distance is minus the radius. Where
+    /// rounding exceeds the slack, the answer is smaller.
     pub fn clearance(&self, capsule: &Capsule, best: f64) -> (f64, f64) {
         let deepest = -capsule.radius;
         let mut upper = (f64::INFINITY, 0.0);
@@ -184,8 +187,10 @@ impl BoxMotion {
         let (mut found, mut least) = (f64::INFINITY, (f64::INFINITY, 0.0));
         let mut open = [(0.0, 1.0); MAX_OPEN];
         let mut count = usize::from(best > deepest);
+        let mut steps = 0;
         while count > 0 {
             count -= 1;
+            steps += 1;
             let (from, to) = open[count];
             let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
             let (gap, apart, mut upper) = ask(middle);
@@ -202,7 +207,7 @@ impl BoxMotion {
             if lowest >= least.0.min(best) {
                 continue;
             }
-            if least.0 - lowest <= self.slack() || half < BRIEF {
+            if least.0 - lowest <= self.slack() || half < BRIEF || steps > MAX_STEPS {
                 found = found.min(lowest);
                 continue;
             }
@@ -220,11 +225,29 @@ impl BoxMotion {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::sub;
     use proptest::prelude::*;
 
     fn pose(turn: Point, place: Point) -> RigidMotion {
         let rotation = Rotation3::new(Vector3::from(turn)).into_inner();
         RigidMotion { rotation, translation: place.into() }
+    }
+
+    #[test]
+    fn steps_end_where_rounding_exceeds_the_slack() {
+        // along an axis a few metres beside it, so far from the origin that coordinates are multiples of 1/64 m
+        let turn = [0.3, -0.5, 0.7];
+        let start = pose(turn, [5e13, -9e13, 2e13]);
+        let (center, along) = (start.translation, start.rotation * Vector3::new(0.0, 1e11, 0.0));
+        let end = pose([turn[0] + 1e-5, turn[1], turn[2]], (center + along).into());
+        let beside = center + start.rotation * Vector3::new(35.0, 0.0, 0.0);
+        let ends: [Point; 2] = [(beside - along).into(), (beside + along).into()];
+        let length = dot(sub(ends[1], ends[0]), sub(ends[1], ends[0])).sqrt();
+        let capsule = Capsule::new(ends, [0.0, length], 0.1, 0).unwrap();
+        let motion = BoxMotion::new(&start, &end, [32.0, 21.0, 65.0]);
+        let (clearance, _) = motion.clearance(&capsule, f64::INFINITY);
+        let apart = |k: u32| motion.nearest(f64::from(k) / 1000.0, &capsule).distance - capsule.radius;
+        assert!((-capsule.radius..=(0..=1000).map(apart).fold(f64::INFINITY, f64::min)).contains(&clearance));
     }
 
     proptest! {

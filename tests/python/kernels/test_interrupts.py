@@ -20,7 +20,6 @@ CALLS = {
     "count_typical_neighbors": "[_core.count_typical_neighbors(crowd, 1.0) for _ in range(10**6)]",
     "find_overlaps": "_core.find_overlaps(crowd, number, arc, 0.0, 0.0)",
     "occludes": "_core.occludes(away, crowd, (0.0, 0.0, -9.0), 0.0)",
-    "fit_spline": "_core.fit_spline(rope, 0.0004, 0.0)",
     "register_in_turn": "_core.register_in_turn([many, moved], 0.05, 10**6, 0.0)",
     "find_short_outlines": "_core.find_short_outlines(noise, [1.0], 10**5)",
 }
@@ -35,7 +34,6 @@ import strand._core as _core
 rng = np.random.default_rng(0)
 crowd, many = rng.uniform(size=(60_000, 3)), rng.uniform(size=(300_000, 3))
 number, arc = np.zeros(60_000, np.int64), np.zeros(60_000)
-rope = np.stack([np.linspace(0.0, 1.0, 900), np.zeros(900), np.zeros(900)], axis=1)
 noise = rng.normal(size=(900, 900)).astype(np.float32)
 moved, away, up = many + 0.01, crowd + 99.0, many * 0.0 + (0.0, 0.0, 1.0)
 small = crowd[:500]
