@@ -200,7 +200,7 @@ def _write_root(file: Path, root: str) -> None:
         if read_json(file) == root:
             return
     with _ignore_read_only():
-        write_json(file, root)
+        write_json(file, root, links=True)
 
 
 @contextmanager

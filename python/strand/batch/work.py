@@ -93,7 +93,8 @@ class Work:
             # by a worker that died before it could answer, or by another run
             return ShardCounts(0, 0)
         good.parent.mkdir(exist_ok=True)
-        write_bytes(failed if counts.errors else good, content)
+        # shards are the batch's own: a copy of the folder made of hard links keeps the earlier one
+        write_bytes(failed if counts.errors else good, content, links=True)
         if not counts.errors:
             failed.unlink(missing_ok=True)
         return counts

@@ -479,6 +479,9 @@ class Model:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model to a file, whole or not at all; an existing file is replaced.
 
+        The new file keeps the mode of the old one, and its owner, group and extended attributes where the
+        system allows. Symbolic links are followed. A file with more than one hard link is refused.
+
         Parameters
         ----------
         path : str or path-like
@@ -490,7 +493,8 @@ class Model:
         ValueError
             If the name ends with none of the three.
         OSError
-            If the file cannot be written; of the other `save_` methods too.
+            If the file cannot be written, has hard links or is not a regular file; of the other `save_`
+            methods too.
         """
         kind = check_suffix(path, SUFFIXES)
         if kind != "json":

@@ -21,6 +21,7 @@ import numpy as np
 
 from strand._core import StrandError
 from strand.support.extras import import_extra
+from strand.support.rights import copy_rights
 
 JSON_BYTES = 1 << 26  # largest JSON file, bytes; the model of one rope takes 0.2 MB
 TOML_BYTES = 1 << 20  # largest TOML file, bytes; people write these by hand
@@ -93,6 +94,10 @@ def open_file(path: str | os.PathLike[str]) -> BinaryIO:
     return file
 
 
+def _open_private(path: str, flags: int) -> int:
+    return os.open(path, flags, 0o600)
+
+
 def _open_without_waiting(path: str, flags: int) -> int:
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
@@ -113,8 +118,8 @@ def read_bytes(path: str | os.PathLike[str], max_bytes: int) -> bytes:
     return data
 
 
-def require_writable(path: str | os.PathLike[str]) -> Path:
-    """Raise OSError if a file cannot be written later; return its path with links resolved."""
+def require_writable(path: str | os.PathLike[str], links: bool = False) -> Path:
+    """Raise OSError if `replace_file` cannot write a file later; return its path with links resolved."""
     target = Path(os.path.realpath(path))
     if target.is_symlink():  # a link to itself
         raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
@@ -126,6 +131,10 @@ def require_writable(path: str | os.PathLike[str]) -> Path:
         raise OSError(error.errno, error.strerror, str(path)) from error
     if not os.access(target.parent, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+    names = target.stat().st_nlink if target.exists() else 1
+    if names > 1 and not links:
+        reason = f"Has {names} hard links, and replacing the file would break them: remove it first"
+        raise OSError(errno.EMLINK, reason, str(path))
     return target
 
 
@@ -138,25 +147,29 @@ def check_suffix(path: str | os.PathLike[str], accepted: tuple[str, ...]) -> str
     return suffix
 
 
-def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
+def write_bytes(path: str | os.PathLike[str], data: bytes, links: bool = False) -> None:
     """Write a file atomically, as `replace_file` does."""
-    with replace_file(path) as file:
+    with replace_file(path, links) as file:
         file.write(data)
 
 
 @contextlib.contextmanager
-def replace_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+def replace_file(path: str | os.PathLike[str], links: bool = False) -> Iterator[BinaryIO]:
     """Open a binary file that replaces an existing one only when it is complete.
 
     The bytes go to a temporary file in the same folder, which is renamed at the end. If anything fails, the
-    existing file stays as it was. Links are followed.
+    existing file stays as it was. The new file gets its mode, and its owner, group and extended attributes
+    where the system allows; without an existing file it gets the usual mode. Symbolic links are followed. A
+    file with more hard links is refused, as they would keep the old bytes, unless `links` allows that.
     """
-    target = require_writable(path)
+    target = require_writable(path, links)
     temporary = target.with_name(f".strand-{secrets.token_hex(8)}.tmp")
+    opener = _open_private if target.exists() else None
     try:
-        with open(temporary, "xb") as file:
+        with open(temporary, "xb", opener=opener) as file:
             yield file
             file.flush()
+            copy_rights(target, file.fileno())
             os.fsync(file.fileno())
         os.replace(temporary, target)
     except BaseException as error:
@@ -180,13 +193,13 @@ def convert_to_json(value: Any) -> Any:
     return None if isinstance(value, float) and math.isnan(value) else value
 
 
-def write_json(path: str | os.PathLike[str], value: object) -> None:
+def write_json(path: str | os.PathLike[str], value: object, links: bool = False) -> None:
     """Write a JSON file atomically; NaN and infinity raise ValueError, as JSON has neither."""
     try:
         text = json.dumps(value, allow_nan=False)
     except ValueError as error:
         raise ValueError(f"{path}: cannot be written as JSON ({error})") from error
-    write_bytes(path, text.encode() + b"\n")
+    write_bytes(path, text.encode() + b"\n", links)
 
 
 def read_json(path: str | os.PathLike[str], max_bytes: int = JSON_BYTES) -> Any:

@@ -6,7 +6,10 @@ import errno
 import os
 import pickle
 import re
+import socket
+import stat
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -35,6 +38,86 @@ def test_write_bytes_keeps_the_usual_permissions(tmp_path):
     (tmp_path / "plain").write_bytes(b"")
     write_bytes(tmp_path / "ours", b"")
     assert (tmp_path / "ours").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o444, 0o755, 0o666])
+def test_a_replaced_file_keeps_its_mode(tmp_path, mode):
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"old")
+    path.chmod(mode)
+    (tmp_path / "link").symlink_to(path)
+    for name in ("a.bin", "link"):
+        write_bytes(tmp_path / name, name.encode())
+        assert path.read_bytes() == name.encode()
+        assert stat.S_IMODE(path.stat().st_mode) == mode
+    assert (tmp_path / "link").is_symlink()
+
+
+def test_nobody_else_reads_a_private_file_while_it_is_written(tmp_path):
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"old")
+    path.chmod(0o600)
+    with replace_file(path):
+        assert {stat.S_IMODE(entry.stat().st_mode) for entry in tmp_path.iterdir()} == {0o600}
+
+
+def test_owner_and_group_are_kept_where_the_system_allows(tmp_path, monkeypatch):
+    path, asked = tmp_path / "a.bin", []
+    path.write_bytes(b"old")
+    path.chmod(0o2464)
+    was = os.stat(path)
+
+    def claim(place):
+        # the owner of a file that this user can only replace
+        found = os.lstat(place)
+        return os.stat_result((*found[:4], was.st_uid + 1, was.st_gid + 1, *found[6:]))
+
+    def refuse(file, owner, group):
+        asked.append((owner, group))
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    system = SimpleNamespace(**{**vars(os), "stat": claim, "chown": refuse})
+    monkeypatch.setattr("strand.support.rights.os", system)
+    write_bytes(path, b"new")
+    assert asked == [(-1, was.st_gid + 1), (was.st_uid + 1, -1)]
+    assert path.read_bytes() == b"new"
+    # another group gets no more than others had
+    assert stat.S_IMODE(path.stat().st_mode) == 0o444
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root gives files away")
+def test_owner_and_group_are_kept(tmp_path):
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"old")
+    os.chown(path, 1234, 2345)
+    path.chmod(0o4710)
+    write_bytes(path, b"new")
+    status = path.stat()
+    assert (status.st_uid, status.st_gid, stat.S_IMODE(status.st_mode)) == (1234, 2345, 0o4710)
+
+
+def test_extended_attributes_are_kept(tmp_path):
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"old")
+    try:
+        os.setxattr(path, "user.origin", b"robot 3")
+    except (AttributeError, OSError) as error:
+        pytest.skip(f"this system keeps none: {error}")
+    write_bytes(path, b"new")
+    assert os.getxattr(path, "user.origin") == b"robot 3"
+
+
+def test_a_file_with_hard_links_is_refused_before_anything_is_written(tmp_path):
+    path, other = tmp_path / "a.bin", tmp_path / "b.bin"
+    path.write_bytes(b"old")
+    os.link(path, other)
+    with pytest.raises(OSError, match=r"Has 2 hard links.*a\.bin") as caught:
+        write_bytes(path, b"new")
+    assert caught.value.errno == errno.EMLINK
+    assert path.read_bytes() == other.read_bytes() == b"old"
+    assert len(list(tmp_path.iterdir())) == 2
+    write_bytes(path, b"new", links=True)
+    assert (path.read_bytes(), other.read_bytes()) == (b"new", b"old")
 
 
 @pytest.mark.parametrize("step", ["fsync", "replace"])
@@ -90,12 +173,19 @@ def test_write_bytes_names_the_file_it_cannot_write(tmp_path):
         write_bytes(tmp_path / "file" / "a.bin", b"")
 
 
-def test_write_bytes_refuses_what_is_not_a_file(tmp_path):
+def test_write_bytes_refuses_what_is_not_a_file(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="Not a regular file"):
         write_bytes(tmp_path, b"")
     with pytest.raises(OSError, match="Not a regular file"):
         write_bytes(os.devnull, b"")
     assert not Path(os.devnull).is_file()
+    os.mkfifo(tmp_path / "pipe")
+    monkeypatch.chdir(tmp_path)  # addresses of sockets are short
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind("socket")
+    for name in ("pipe", "socket"):
+        with pytest.raises(OSError, match="Not a regular file"):
+            write_bytes(tmp_path / name, b"")
 
 
 def test_write_bytes_writes_through_a_link(tmp_path):
