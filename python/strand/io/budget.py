@@ -32,6 +32,12 @@ class Budget:
     def __init__(self, max_bytes: int) -> None:
         self.max_bytes = self.left = max_bytes
 
+    def copy(self) -> Budget:
+        """Return a budget of its own with what is left of this one."""
+        other = Budget(self.max_bytes)
+        other.left = self.left
+        return other
+
     def take(self, file: str | os.PathLike[str], size: int, place: str | None = None) -> None:
         """Reserve `size` bytes for data of a file; raise FileFormatError if less is left."""
         if size > self.left:

@@ -29,8 +29,8 @@ def test_memory_stays_within_twice_the_limit(measured, trick):
     kind = found["outcome"].partition(":")[0]
     assert kind == ("answer" if trick.answered else "FileFormatError"), found
     assert found["memory"] <= MOST, found
-    # a trick that is not refused early runs into the limit on processor time
-    assert found["seconds"] < peaks.SECONDS, found
+    # a trick that is not refused early may run into the limit on processor time
+    assert found["seconds"] < min(trick.seconds, peaks.SECONDS), found
 
 
 def test_tricks_have_names_of_their_own():

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
+from strand.io.budget import Budget
 from strand.io.recordings.first_messages import FirstMessage, FirstMessages, read_first_messages
 from strand.io.recordings.mcap import McapFile
 from strand.io.recordings.message import Message
@@ -16,7 +17,7 @@ from strand.io.recordings.ros1_bag import Ros1Bag
 from strand.io.recordings.ros2_folder import METADATA, list_storage
 from strand.io.recordings.ros_messages import decode
 from strand.io.recordings.sqlite_bag import SqliteBag
-from strand.io.recordings.unpacking import is_zstd, unpack_message
+from strand.io.recordings.unpacking import Limits, is_zstd, unpack_message
 from strand.support.files import FileFormatError, open_file
 from strand.support.lazy import lazy_property
 
@@ -42,16 +43,23 @@ class Storage(Protocol):
         """Yield the first message of each topic, in any order."""
 
 
-_STORAGES: dict[str, Callable[[Path, int], Storage]] = {".bag": Ros1Bag, ".mcap": McapFile, ".db3": SqliteBag}
+_STORAGES: dict[str, Callable[[Path, Limits], Storage]] = {
+    ".bag": Ros1Bag,
+    ".mcap": McapFile,
+    ".db3": SqliteBag,
+}
 
 
 class Bag:
     """An open `.bag`, `.mcap` or `.db3` file, or folder of a ROS 2 bag.
 
-    At most `max_bytes` of the bag are in memory at once, beside the message that was read last.
+    At most `max_bytes` of decompressed chunks are in memory at once. What stays while the bag is open, such
+    as its index, takes at most as much.
 
     Attributes
     ----------
+    budget : Budget
+        The memory that the index leaves for all but chunks.
     topics : dict of str to str
         The type of each topic's messages.
     counts : dict of str to int
@@ -62,16 +70,17 @@ class Bag:
     """
 
     def __init__(self, path: Path, max_bytes: int) -> None:
-        self.path, self._max_bytes, self._closed = path, max_bytes, False
+        self.path, self.budget, self._closed = path, Budget(max_bytes), False
         self._ros1 = path.suffix.lower() == ".bag" and not path.is_dir()
         self.files = paths = _list_files(path)
         if path.is_dir():
             paths = self.files[1:]
+        limits = Limits(self.budget, len(paths))
         self._storages: list[tuple[Path, Storage]] = []
         try:
             for one in paths:
                 with _convert_errors(one, None):
-                    self._storages.append((one, _STORAGES[one.suffix.lower()](one, max_bytes)))
+                    self._storages.append((one, _STORAGES[one.suffix.lower()](one, limits)))
         except BaseException:
             self.close()
             raise
@@ -154,7 +163,7 @@ class Bag:
                 if not 0 <= message.time < _MAX_TIME:
                     raise ValueError(f"a time of {message.time} ns")
                 if is_zstd(message.data) and not self._ros1:
-                    data = unpack_message(message.data, self._max_bytes)
+                    data = unpack_message(message.data, self.budget.max_bytes)
                     message = Message(message.topic, message.kind, message.time, data)
             last = message.place
             yield message

@@ -12,14 +12,12 @@ import numpy as np
 from strand.io.recordings.mcap_layout import read_layout
 from strand.io.recordings.mcap_records import BODY, MESSAGE, RECORD, STAMPED, Chunk, read_chunk, walk_records
 from strand.io.recordings.message import Message
-from strand.io.recordings.unpacking import Work
+from strand.io.recordings.unpacking import Limits, Work
 from strand.support.files import open_file
-
-_NEVER = 1 << 64  # nanoseconds: later than any message
 
 
 class McapFile:
-    """An open MCAP file; ValueError is raised where it is damaged, or needs more than `max_bytes`.
+    """An open MCAP file; ValueError is raised where it is damaged, or needs more than its limits.
 
     Attributes
     ----------
@@ -31,10 +29,10 @@ class McapFile:
         Times of the first and the last message, nanoseconds since 1970; None without a message.
     """
 
-    def __init__(self, path: Path, max_bytes: int) -> None:
-        self._file, self._max_bytes = open_file(path), max_bytes
+    def __init__(self, path: Path, limits: Limits) -> None:
+        self._file, self._limits = open_file(path), limits
         try:
-            self._layout = read_layout(self._file, path, max_bytes)
+            self._layout = read_layout(self._file, path, limits)
         except BaseException:
             self._file.close()
             raise
@@ -54,7 +52,7 @@ class McapFile:
         `topics` may lose entries meanwhile; chunks that only these are in are not read any more. A chunk is
         in memory from the time of its first message to that of its last.
         """
-        work = Work(self._layout.size)
+        work = self._limits.begin_pass(self._layout.size)
         opened: dict[int, _OpenChunk] = {}
         order: list[tuple[int, int]] = []  # a heap of the next time, and the number, of each open chunk
         wanted, known = _Wanted(frozenset()), -1
@@ -65,14 +63,11 @@ class McapFile:
                 wanted, known = _Wanted({key for key, one in channels if one.topic in topics}), len(topics)
             if wanted.has_any(chunk):
                 opened[number] = self._open(chunk, wanted, work)
-                heapq.heappush(order, (opened[number].time, number))
+                self._put(number, opened, order)
             while order and (end is None or order[0][0] < end):
                 time, first = heapq.heappop(order)
-                if time == _NEVER:
-                    del opened[first]
-                    continue
                 yield from self._take(opened[first], topics, time)
-                heapq.heappush(order, (opened[first].time, first))
+                self._put(first, opened, order)
 
     def read_firsts(self, topics: Collection[str]) -> Iterator[Message]:
         """Yield the first message of each topic, in the order of recording."""
@@ -84,8 +79,17 @@ class McapFile:
                 return
 
     def _open(self, chunk: Chunk, wanted: _Wanted, work: Work) -> _OpenChunk:
-        data = read_chunk(self._file, chunk, self._layout.size, self._max_bytes)
+        data = read_chunk(self._file, chunk, self._layout.size, self._limits)
         return _OpenChunk(data, chunk, wanted.channels, work)
+
+    @staticmethod
+    def _put(number: int, opened: dict[int, _OpenChunk], order: list[tuple[int, int]]) -> None:
+        """Put a chunk where its next message is due, or drop it at its end."""
+        time = opened[number].time
+        if time is None:
+            del opened[number]
+        else:
+            heapq.heappush(order, (time, number))
 
     def _take(self, opened: _OpenChunk, topics: Collection[str], time: int) -> Iterator[Message]:
         """Yield the next message of a chunk, if its topic is still wanted."""
@@ -117,9 +121,8 @@ class _OpenChunk:
 
     def __init__(self, data: memoryview, chunk: Chunk, wanted: Collection[int], work: Work) -> None:
         self._data, self._next = data, 0
-        places, times, records = array("I"), array("Q"), 0
-        for kind, start, stop in walk_records(data):
-            records += 1
+        places, times = array("I"), array("Q")
+        for kind, start, stop in walk_records(data, work):
             if kind != MESSAGE or stop - start < BODY:
                 continue
             _, _, channel, _, time = STAMPED.unpack_from(data, start - RECORD.size)
@@ -128,15 +131,14 @@ class _OpenChunk:
                     raise ValueError(f"a message at {time} ns, outside of its chunk's times")
                 places.append(start - RECORD.size)
                 times.append(time)
-        work.count(records)
         ordered = np.argsort(np.frombuffer(times, dtype=np.uint64), kind="stable")
         self._places = np.frombuffer(places, dtype=np.uint32)[ordered]
 
     @property
-    def time(self) -> int:
-        """Time of the next message."""
+    def time(self) -> int | None:
+        """Time of the next message; None at the end."""
         if self._next == len(self._places):
-            return _NEVER
+            return None
         return int(STAMPED.unpack_from(self._data, int(self._places[self._next]))[4])
 
     def take(self) -> tuple[int, memoryview]:

@@ -37,7 +37,7 @@ from strand.io.recordings.mcap_records import (
     read_text,
     walk_records,
 )
-from strand.io.recordings.unpacking import Work, check_part
+from strand.io.recordings.unpacking import Limits, Work
 
 _MAGIC = b"\x89MCAP0\r\n"  # how a file begins and ends
 _FOOTER_BYTES = 29  # of the footer's record
@@ -120,13 +120,13 @@ class _Run:
         return Chunk(self._start, self._end, place, size, kind, channels)
 
 
-def read_layout(file: BinaryIO, path: Path, max_bytes: int) -> Layout:
-    """Return where the messages of a file are; its index may take `max_bytes`, and so may each chunk."""
+def read_layout(file: BinaryIO, path: Path, limits: Limits) -> Layout:
+    """Return where the messages of a file are; `limits` are those of its index and chunks."""
     size = os.fstat(file.fileno()).st_size
     try:
         first, last, index = _read_ends(file, size)
-        found = _read_index(file, path, max_bytes, first, index, last) if index else None
-        return found or _scan(file, path, max_bytes, first, index or last)
+        found = _read_index(file, path, limits, first, index, last) if index else None
+        return found or _scan(file, path, limits, first, index or last)
     except struct_error:
         raise ValueError("a record ends too early") from None
 
@@ -155,9 +155,9 @@ def _read_ends(file: BinaryIO, size: int) -> tuple[int, int, int]:
 # Files with an index.
 
 
-def _read_index(file: BinaryIO, path: Path, max_bytes: int, first: int, at: int, last: int) -> Layout | None:
+def _read_index(file: BinaryIO, path: Path, limits: Limits, first: int, at: int, last: int) -> Layout | None:
     """Return what the index says; None if it lacks chunks, channels or the numbers of messages."""
-    budget, size = Budget(max_bytes), os.fstat(file.fileno()).st_size
+    budget, size = limits.budget, os.fstat(file.fileno()).st_size
     names, places, statistics = _Names(path, budget), [], None
     index = at
     while at < last:
@@ -177,16 +177,16 @@ def _read_index(file: BinaryIO, path: Path, max_bytes: int, first: int, at: int,
     if statistics is None or not names.channels or not 0 < len(places) == statistics[0]:
         return None
     _, counts, span = statistics
-    work = Work(size)
+    work = limits.begin_pass(size)
     work.count(sum(counts.values()))
     after = first
     for chunk, length in sorted(places, key=lambda one: one[0].place):
-        check_part(chunk.size, max_bytes)
+        limits.check_part(chunk.size)
         work.unpack(chunk.size)
         if not after <= chunk.place <= index - length:
             raise ValueError("the index leads out of the file, or to one place again and again")
         after = chunk.place + length
-    return _order(names, counts, span, [chunk for chunk, _ in places], max_bytes, size)
+    return _order(names, counts, span, [chunk for chunk, _ in places], limits, size)
 
 
 def _read_place(data: bytes) -> tuple[Chunk, int]:
@@ -211,10 +211,10 @@ def _read_statistics(data: bytes) -> tuple[int, dict[int, int], tuple[int, int] 
 # Files without one.
 
 
-def _scan(file: BinaryIO, path: Path, max_bytes: int, at: int, last: int) -> Layout:
+def _scan(file: BinaryIO, path: Path, limits: Limits, at: int, last: int) -> Layout:
     """Return what one pass through the file finds."""
-    budget, size = Budget(max_bytes), os.fstat(file.fileno()).st_size
-    names, work, chunks = _Names(path, budget), Work(size), []
+    budget, size = limits.budget, os.fstat(file.fileno()).st_size
+    names, work, chunks = _Names(path, budget), limits.begin_pass(size), []
     counts: Counter[int] = Counter()
     row = _Run(at)
 
@@ -231,35 +231,34 @@ def _scan(file: BinaryIO, path: Path, max_bytes: int, at: int, last: int) -> Lay
             if stop - row.place > _RUN or at != row.stop:
                 keep(row, row.make_chunk(row.place, row.stop - row.place, PLAIN))
                 row = _Run(at)
-            check_part(stop - at, max_bytes)
+            limits.check_part(stop - at)
             _, _, channel, _, time = STAMPED.unpack(read_at(file, at, STAMPED.size))
             row.add(channel, time, stop)
         elif kind in (SCHEMA, CHANNEL):
             names.add(kind, read_at(file, start, min(stop - start, _PREFIX)))
         elif kind == CHUNK:
             chunk = read_chunk_head(file, at, stop)[0]
+            limits.check_part(chunk.size)
             work.unpack(chunk.size)
-            run = _scan_chunk(read_chunk(file, chunk, stop, max_bytes), names, work)
+            run = _scan_chunk(read_chunk(file, chunk, stop, limits), names, work)
             keep(run, run.make_chunk(at, chunk.size, chunk.kind))
         elif kind == DATA_END:
             break
         at = stop
     keep(row, row.make_chunk(row.place, row.stop - row.place, PLAIN))
     span = (min(one.start for one in chunks), max(one.end for one in chunks)) if chunks else None
-    return _order(names, counts, span, chunks, max_bytes, size)
+    return _order(names, counts, span, chunks, limits, size)
 
 
 def _scan_chunk(data: memoryview, names: _Names, work: Work) -> _Run:
     """Return the messages of a chunk, and add its channels to those that are known."""
-    run, records = _Run(), 0
-    for kind, start, stop in walk_records(data):
-        records += 1
+    run = _Run()
+    for kind, start, stop in walk_records(data, work):
         if kind == MESSAGE and stop - start >= BODY:
             _, _, channel, _, time = STAMPED.unpack_from(data, start - RECORD.size)
             run.add(channel, time, stop)
         elif kind in (SCHEMA, CHANNEL):
             names.add(kind, data[start : min(stop, start + _PREFIX)])
-    work.count(records)
     return run
 
 
@@ -268,7 +267,7 @@ def _order(
     counts: dict[int, int],
     span: tuple[int, int] | None,
     chunks: list[Chunk],
-    max_bytes: int,
+    limits: Limits,
     size: int,
 ) -> Layout:
     """Return the layout with chunks in the order of time, of which not too many overlap."""
@@ -278,7 +277,9 @@ def _order(
     held = 0
     for _, _, change in sorted(steps):
         held += change
-        if held > max_bytes:
-            raise ValueError(f"chunks of {held} bytes overlap in time, more than max_bytes={max_bytes}")
+        if held > limits.max_bytes:
+            raise ValueError(
+                f"chunks of {held} bytes overlap in time, more than max_bytes={limits.max_bytes}"
+            )
     chunks.sort(key=lambda one: (one.start, one.place))
     return Layout(names.channels, dict(counts), span, tuple(chunks), size)

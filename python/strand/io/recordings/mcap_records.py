@@ -8,7 +8,7 @@ from struct import error as struct_error
 from typing import BinaryIO, NamedTuple
 from zlib import crc32
 
-from strand.io.recordings.unpacking import check_part, unpack
+from strand.io.recordings.unpacking import Limits, Work, unpack
 
 # kinds of records
 HEADER = 1
@@ -27,6 +27,7 @@ MAX_NAME = 1024  # bytes of the name of a topic, type or encoding
 PLAIN = "messages"  # kind of a chunk that is no record of its own, but some messages in a row
 _HEAD = Struct("<QQQI")  # a chunk: times of its first and last message, size, checksum
 _MAX_HEAD = 256  # bytes of a chunk's record before its data
+_COUNTED = 4096  # records that are counted at once
 _SIZE = Struct("<Q")
 _LENGTH = Struct("<I")
 
@@ -82,10 +83,18 @@ def read_record(file: BinaryIO, at: int, limit: int) -> tuple[int, int, int]:
     return kind, start, start + size
 
 
-def walk_records(data: memoryview) -> Iterator[tuple[int, int, int]]:
-    """Yield the kind of each record of a chunk, and where its content starts and stops."""
+def walk_records(data: memoryview, work: Work) -> Iterator[tuple[int, int, int]]:
+    """Yield the kind of each record of a chunk, and where its content starts and stops.
+
+    `work` counts the records.
+    """
     at, end, unpack_head, size_head = 0, len(data), RECORD.unpack_from, RECORD.size
+    records = 0
     while at < end:
+        records += 1
+        if records == _COUNTED:
+            work.count(records)
+            records = 0
         try:
             kind, size = unpack_head(data, at)
         except struct_error:
@@ -97,6 +106,7 @@ def walk_records(data: memoryview) -> Iterator[tuple[int, int, int]]:
                 f"a chunk has a record of kind {kind} and {size} bytes, where {end - start} are left"
             )
         yield kind, start, at
+    work.count(records)
 
 
 def read_text(data: bytes | memoryview, at: int) -> tuple[str, int]:
@@ -111,9 +121,9 @@ def read_text(data: bytes | memoryview, at: int) -> tuple[str, int]:
     return bytes(data[at : at + size]).decode(), at + size
 
 
-def read_chunk(file: BinaryIO, chunk: Chunk, limit: int, max_bytes: int) -> memoryview:
+def read_chunk(file: BinaryIO, chunk: Chunk, limit: int, limits: Limits) -> memoryview:
     """Return the decompressed records of a chunk, whose record ends before `limit`."""
-    check_part(chunk.size, max_bytes)
+    limits.check_part(chunk.size)
     if chunk.kind == PLAIN:
         file.seek(chunk.place)
         return unpack("", file, chunk.size, chunk.size)

@@ -138,9 +138,8 @@ class Recording:
         camera = None if intrinsics is None else check_intrinsics("intrinsics", intrinsics)
         scale = None if depth_scale is None else check_positive("depth_scale", depth_scale)
         ignore = check_bool("ignore_distortion", ignore_distortion)
-        self._max_bytes = check_integer("max_bytes", max_bytes, 1)
         self.path = Path(path)
-        self._bag = Bag(self.path, self._max_bytes)
+        self._bag = Bag(self.path, check_integer("max_bytes", max_bytes, 1))
         try:
             self.files = self._bag.files
             self.topics = choose_topics(self._bag, patterns)
@@ -230,7 +229,12 @@ class Recording:
                 return
             messages = self._bag.read_messages(self._streams)
             pairs = pair_colors(
-                messages, self.topics[0], wanted, self._read_stamp, self._tolerance, self._max_bytes // 2
+                messages,
+                self.topics[0],
+                wanted,
+                self._read_stamp,
+                self._tolerance,
+                self._bag.budget.left // 2,
             )
             for number, message, color, held in pairs:
                 yield UndecodedFrame(number, (message,), (color,), held)
@@ -253,7 +257,7 @@ class Recording:
         last_uses = find_last_uses(parts, places, numbers)
         held: dict[tuple[int, int], Message] = {}
         counts = [0] * len(streams)
-        size, due = 0, iter(numbers)
+        size, due, budget = 0, iter(numbers), self._bag.budget
         number = next(due, None)
         messages = self._bag.read_messages(self._streams)
         while number is not None:
@@ -269,8 +273,10 @@ class Recording:
                 if counts[k] <= len(last_uses[k]) and last_uses[k][key[1]] >= number:
                     held[key] = message
                     size += message.size
-                if size > self._max_bytes:
-                    reason = f"views of one frame are more than max_bytes={self._max_bytes} apart in the file"
+                if size > budget.left:
+                    reason = (
+                        f"views of one frame are more than max_bytes={budget.max_bytes} apart in the file"
+                    )
                     raise FileFormatError(self.path, reason, message.place)
             found = [None if key is None else held[key] for key in keys]
             count = len(self.topics)
@@ -285,8 +291,8 @@ class Recording:
 
     def decode(self, frame: UndecodedFrame) -> Frame:
         """Decode a frame; raise FileFormatError if one of its messages is damaged."""
-        budget = Budget(self._max_bytes)
-        budget.take(self.path, self._count_kept() + frame.held, frame.messages[0].place)
+        budget = self._bag.budget.copy()
+        budget.take(self.path, frame.held, frame.messages[0].place)
         views, stamps = [], []
         for k, message in enumerate(frame.messages):
             seen = self._bag.decode(message)
@@ -323,13 +329,6 @@ class Recording:
         except (TypeError, ValueError) as error:
             raise FileFormatError(self.path, str(error), message.place) from error
 
-    def _count_kept(self) -> int:
-        """Return the memory of transforms and of the plan of frames, bytes, as far as they were read."""
-        plan, transforms = self.__dict__.get("_plan"), self.__dict__.get("_transforms")
-        return (0 if plan is None else sum(one.nbytes for one in plan)) + (
-            transforms.size if transforms else 0
-        )
-
     def _find_between(self, world: str, frame: str, stamp: int) -> Array | None:
         return self._transforms.find_pose(world, frame, stamp)
 
@@ -352,7 +351,7 @@ class Recording:
 
         -1 is no colour message.
         """
-        budget = Budget(self._max_bytes)
+        budget = self._bag.budget
         times: dict[str, array[int]] = {topic: array("q") for topic in self._streams}
         frames: dict[str, list[str]] = {topic: [] for topic in self._streams}
         names: dict[str, str] = {}  # each name once
@@ -394,12 +393,13 @@ class Recording:
 
     @lazy_property
     def _transforms(self) -> Transforms:
-        found = Transforms(self._tolerance, self._max_bytes)
+        found = Transforms(self._tolerance, self._bag.budget.left)
         for message in self._bag.read_messages(self._bag.find_topics(*TF_KINDS)):
             try:
                 found.add(self._bag.decode(message), static=message.topic.endswith("tf_static"))
             except ValueError as error:
                 raise FileFormatError(self.path, str(error), message.place) from error
+        self._bag.budget.take(self.path, found.size)
         return found
 
     def _require_frames(self, world: str) -> None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from strand.io.budget import Budget
 from strand.io.recordings.bags import Bag
 from strand.io.recordings.message import Message
 from strand.io.recordings.message_views import make_view
@@ -104,7 +103,7 @@ def read_recording_contents(path: Path, patterns: Sequence[str] | None, max_byte
     bag = Bag(path, max_bytes)
     try:
         topics = find_depth_topics(bag) if patterns is None else choose_topics(bag, patterns)
-        frames, trouble = _read_tf_frames(bag, max_bytes)
+        frames, trouble = _read_tf_frames(bag)
         start, seconds = bag.span
         return RecordingContents(
             bag.format,
@@ -114,7 +113,7 @@ def read_recording_contents(path: Path, patterns: Sequence[str] | None, max_byte
                 Topic(topic, kind, bag.counts[topic], _compute_rate(bag.counts[topic], seconds))
                 for topic, kind in sorted(bag.topics.items())
             ),
-            _read_cameras(bag, topics[:_MAX_CAMERAS], max_bytes),
+            _read_cameras(bag, topics[:_MAX_CAMERAS]),
             frames,
             trouble,
         )
@@ -126,19 +125,19 @@ def _compute_rate(count: int, seconds: float) -> float | None:
     return (count - 1) / seconds if count > 1 and seconds > 0.0 else None
 
 
-def _read_cameras(bag: Bag, topics: Sequence[str], max_bytes: int) -> tuple[CameraContents, ...]:
+def _read_cameras(bag: Bag, topics: Sequence[str]) -> tuple[CameraContents, ...]:
     """Return cameras by the first message of each topic, in one pass over the bag."""
     none = "the topic has no messages"
     found = {topic: CameraContents(topic, 0, None, None, None, none) for topic in topics}
     for message in bag.read_firsts(topics):
-        found[message.topic] = _read_camera(bag, message, max_bytes)
+        found[message.topic] = _read_camera(bag, message)
     return tuple(found.values())
 
 
-def _read_camera(bag: Bag, message: Message, max_bytes: int) -> CameraContents:
+def _read_camera(bag: Bag, message: Message) -> CameraContents:
     topic, decoded = message.topic, bag.decode(message)
     frame, size, count = decoded.header.frame_id, _get_size(decoded), bag.counts[topic]
-    budget = Budget(max_bytes)
+    budget = bag.budget.copy()
     try:
         budget.take(bag.path, message.size)
         camera = read_depth_topic(bag, topic, None, None, False)
@@ -155,9 +154,9 @@ def _get_size(message: Any) -> tuple[int, int] | None:
     return (int(message.width), int(message.height)) if hasattr(message, "encoding") else None
 
 
-def _read_tf_frames(bag: Bag, max_bytes: int) -> tuple[tuple[str, ...], str | None]:
+def _read_tf_frames(bag: Bag) -> tuple[tuple[str, ...], str | None]:
     """Return the frames in the first messages of TF, and the error in them or None."""
-    found = Transforms(0, max_bytes)
+    found = Transforms(0, bag.budget.left)
     left = {topic: min(bag.counts[topic], _MAX_TRANSFORMS) for topic in bag.find_topics(*TF_KINDS)}
     most = sum(left.values())
     for message in bag.read_messages(list(left)) if most else ():

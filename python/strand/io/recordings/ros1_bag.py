@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from strand.io.recordings.message import Message
 from strand.io.recordings.ros1_index import read_index
 from strand.io.recordings.ros1_records import find_message
-from strand.io.recordings.unpacking import Work, unpack
+from strand.io.recordings.unpacking import Limits, Work, unpack
 from strand.support.files import open_file
 
 _KEPT = 4  # decompressed chunks in memory, at most
 
 
 class Ros1Bag:
-    """An open ROS 1 bag; ValueError is raised where it is damaged, or needs more than `max_bytes`.
+    """An open ROS 1 bag; ValueError is raised where it is damaged, or needs more than its limits.
 
     Attributes
     ----------
@@ -31,10 +31,10 @@ class Ros1Bag:
         Times of the first and the last message, nanoseconds since 1970; None without a message.
     """
 
-    def __init__(self, path: Path, max_bytes: int) -> None:
-        self._file, self._max_bytes = open_file(path), max_bytes
+    def __init__(self, path: Path, limits: Limits) -> None:
+        self._file, self._limits = open_file(path), limits
         try:
-            self._index = read_index(self._file, path, max_bytes)
+            self._index = read_index(self._file, path, limits)
         except BaseException:
             self._file.close()
             raise
@@ -68,7 +68,7 @@ class Ros1Bag:
 
     def _read(self, wanted: NDArray[np.int64]) -> Iterator[Message]:
         """Yield messages by their numbers; a few chunks are kept, as messages of two may alternate."""
-        work = Work(self._index.size)
+        work = self._limits.begin_pass(self._index.size)
         kept: OrderedDict[int, memoryview] = OrderedDict()
         for number in wanted.tolist():
             yield self._read_message(number, kept, work)
@@ -88,7 +88,7 @@ class Ros1Bag:
         if number not in kept:
             chunk = self._index.chunks[number]
             while kept and (
-                len(kept) == _KEPT or chunk.size + sum(map(len, kept.values())) > self._max_bytes
+                len(kept) == _KEPT or chunk.size + sum(map(len, kept.values())) > self._limits.max_bytes
             ):
                 kept.popitem(last=False)
             work.unpack(chunk.size)

@@ -11,7 +11,6 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.io.budget import Budget
 from strand.io.recordings.ros1_records import (
     BAG,
     CHUNK,
@@ -24,7 +23,7 @@ from strand.io.recordings.ros1_records import (
     read_at,
     read_record,
 )
-from strand.io.recordings.unpacking import Work, check_part
+from strand.io.recordings.unpacking import Limits
 
 _MAGIC = b"#ROSBAG V2.0\n"  # how a bag begins
 _VERSION = 1  # of the index
@@ -82,9 +81,9 @@ class Index:
     size: int
 
 
-def read_index(file: BinaryIO, path: Path, max_bytes: int) -> Index:
-    """Return the index of a bag; it may take `max_bytes`, and so may each decompressed chunk."""
-    size, budget = os.fstat(file.fileno()).st_size, Budget(max_bytes)
+def read_index(file: BinaryIO, path: Path, limits: Limits) -> Index:
+    """Return the index of a bag; `limits` are those of its index and chunks."""
+    size, budget = os.fstat(file.fileno()).st_size, limits.budget
     if read_at(file, 0, len(_MAGIC)) != _MAGIC:
         raise ValueError("no ROS bag of version 2.0")
     bag = read_record(file, len(_MAGIC), BAG).fields
@@ -112,7 +111,7 @@ def read_index(file: BinaryIO, path: Path, max_bytes: int) -> Index:
             raise ValueError(f"a chunk declares {count} connections, more than the file has")
         places.append((record.fields.get_number("chunk_pos", 8), count))
         at = record.start + count * _COUNT_BYTES
-    return _read_entries(file, path, size, budget, max_bytes, connections, places)
+    return _read_entries(file, path, size, limits, connections, places)
 
 
 def _read_connection(file: BinaryIO, fields: Fields, start: int, stop: int) -> Connection:
@@ -126,14 +125,13 @@ def _read_entries(
     file: BinaryIO,
     path: Path,
     size: int,
-    budget: Budget,
-    max_bytes: int,
+    limits: Limits,
     connections: dict[int, Connection],
     places: list[tuple[int, int]],
 ) -> Index:
     """Read the entries that follow each chunk, and sort them by time."""
     chunks: list[Chunk] = []
-    raw, work = bytearray(), Work(size)
+    raw, work = bytearray(), limits.begin_pass(size)
     keys, numbers, counts = array("I"), array("I"), array("I")  # of each list of entries
     after = 0
     for place, lists in sorted(places):
@@ -146,7 +144,7 @@ def _read_entries(
             record.fields.get_name("compression"),
             record.fields.get_number("size", 4),
         )
-        check_part(chunk.size, max_bytes)
+        limits.check_part(chunk.size)
         work.unpack(chunk.size)
         after = record.stop
         for _ in range(lists):
@@ -158,7 +156,7 @@ def _read_entries(
             if key not in connections:
                 raise ValueError(f"the index has no connection {key}")
             work.count(count)
-            budget.take(path, _LIST_BYTES + _ENTRY_BYTES * count)
+            limits.budget.take(path, _LIST_BYTES + _ENTRY_BYTES * count)
             raw += read_at(file, found.start, length)
             keys.append(key)
             numbers.append(len(chunks))

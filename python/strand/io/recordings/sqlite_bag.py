@@ -12,8 +12,8 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
-from strand.io.budget import Budget
 from strand.io.recordings.message import Message
+from strand.io.recordings.unpacking import Limits
 from strand.support.files import open_file
 
 _PLAIN = ("CREATE TABLE ", "CREATE INDEX ", "CREATE UNIQUE INDEX ")  # how SQLite keeps what rosbag2 makes
@@ -41,19 +41,21 @@ class SqliteBag:
         Times of the first and the last message, nanoseconds since 1970; None without a message.
     """
 
-    def __init__(self, path: Path, max_bytes: int) -> None:
+    def __init__(self, path: Path, limits: Limits) -> None:
         open_file(path).close()
-        self._max_bytes, self._size = max_bytes, path.stat().st_size
+        self._limits, self._size = limits, path.stat().st_size
         self._left = _OPENING_STEPS
         uri = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
         self._base = sqlite3.connect(uri, uri=True, check_same_thread=False, isolation_level=None)
         try:
             self._base.set_progress_handler(self._count_steps, _STEPS_AT_ONCE)
             if sys.version_info >= (3, 11):
-                self._base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(max(max_bytes, _TEXT), (1 << 31) - 1))
+                self._base.setlimit(
+                    sqlite3.SQLITE_LIMIT_LENGTH, min(max(limits.max_bytes, _TEXT), (1 << 31) - 1)
+                )
             self._require_plain_tables()
             self._base.execute(f"PRAGMA cache_size=-{_CACHE}")
-            self._names = self._read_names(Budget(max_bytes), path)
+            self._names = self._read_names(path)
             self._firsts: dict[int, int] = {}  # the row of each topic's first message
             self._read_counts()
         except BaseException:
@@ -86,10 +88,10 @@ class SqliteBag:
     def _read_message(self, row: int) -> Message:
         data = "CASE WHEN length(data) <= ? THEN data END"
         query = f"SELECT topic_id, timestamp, {data} FROM messages WHERE rowid = ?"
-        key, time, data = self._base.execute(query, (self._max_bytes, row)).fetchone()
+        key, time, data = self._base.execute(query, (self._limits.max_bytes, row)).fetchone()
         topic, kind = self._names[key]
         if data is None:
-            raise ValueError(f"{topic}: a message takes more than max_bytes={self._max_bytes}")
+            raise ValueError(f"{topic}: a message takes more than max_bytes={self._limits.max_bytes}")
         if not isinstance(data, bytes) or not isinstance(time, int):
             raise ValueError(f"{topic}: a message of another type than bytes")
         return Message(topic, kind, time, data)
@@ -107,7 +109,7 @@ class SqliteBag:
             if any(hidden for *_, hidden in columns):
                 raise ValueError(f"expected plain columns, got generated ones in {table}")
 
-    def _read_names(self, budget: Budget, path: Path) -> dict[int, tuple[str, str]]:
+    def _read_names(self, path: Path) -> dict[int, tuple[str, str]]:
         """Return topic and type by number."""
         self._allow_pass()
         found = {}
@@ -117,7 +119,7 @@ class SqliteBag:
             topic, kind, encoding = (self._check_name(text) for text in texts)
             if encoding != "cdr":
                 raise ValueError(f"{topic}: expected messages in CDR, got {encoding[:40]!r}")
-            budget.take(path, _TOPIC_BYTES + 4 * len(topic))
+            self._limits.budget.take(path, _TOPIC_BYTES + 4 * len(topic))
             found[key] = topic, kind
         return found
 
@@ -147,7 +149,7 @@ class SqliteBag:
 
     def _allow_pass(self) -> None:
         """Allow SQLite the steps of another pass over the file."""
-        self._left = _SPARE_STEPS + _STEP_SHARE * self._size
+        self._left = _SPARE_STEPS // self._limits.files + _STEP_SHARE * self._size
 
     def _count_steps(self) -> int:
         """Tell SQLite whether to stop."""

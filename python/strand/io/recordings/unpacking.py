@@ -10,11 +10,13 @@ from __future__ import annotations
 import bz2
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, BinaryIO
 
 import numpy as np
 
+from strand.io.budget import Budget
 from strand.io.recordings.message import Data
 from strand.support.extras import import_extra
 
@@ -32,11 +34,11 @@ _SPARE_RECORDS = 1 << 17  # records beyond these
 
 
 class Work:
-    """The work that is left for one pass over a file, which its size limits."""
+    """The work that is left for one pass over a file of a recording of some files."""
 
-    def __init__(self, file_size: int) -> None:
-        self._bytes = _SPARE + _RATIO * file_size
-        self._records = _SPARE_RECORDS + file_size // _RECORD_SHARE
+    def __init__(self, file_size: int, files: int = 1) -> None:
+        self._bytes = _SPARE // files + _RATIO * file_size
+        self._records = _SPARE_RECORDS // files + file_size // _RECORD_SHARE
 
     def unpack(self, size: int) -> None:
         """Count bytes to decompress; ValueError says that a file of this size may not hold as many."""
@@ -55,12 +57,36 @@ class Work:
             )
 
 
-def check_part(size: int, max_bytes: int) -> None:
-    """Raise ValueError if a part declares more bytes than fit."""
-    most = min(max_bytes, MAX_PART)
-    if size > most:
-        what = f"max_bytes={max_bytes}" if most == max_bytes else f"the limit of {MAX_PART}"
-        raise ValueError(f"a part of the file takes {size} bytes, more than {what}")
+@dataclass(frozen=True)
+class Limits:
+    """What the files of a recording may take.
+
+    Attributes
+    ----------
+    budget : Budget
+        The memory for all that stays while a recording is open, such as indexes.
+    files : int
+        The number of files.
+    """
+
+    budget: Budget
+    files: int = 1
+
+    @property
+    def max_bytes(self) -> int:
+        """The most bytes of a decompressed part."""
+        return self.budget.max_bytes
+
+    def begin_pass(self, file_size: int) -> Work:
+        """Return the work that a pass over a file may take."""
+        return Work(file_size, self.files)
+
+    def check_part(self, size: int) -> None:
+        """Raise ValueError if a part declares more bytes than fit."""
+        most = min(self.max_bytes, MAX_PART)
+        if size > most:
+            what = f"max_bytes={most}" if most == self.max_bytes else f"the limit of {MAX_PART}"
+            raise ValueError(f"a part of the file takes {size} bytes, more than {what}")
 
 
 def unpack(kind: str, file: BinaryIO, packed: int, size: int) -> memoryview:
@@ -75,7 +101,7 @@ def unpack(kind: str, file: BinaryIO, packed: int, size: int) -> memoryview:
     packed : int
         The number of compressed bytes.
     size : int
-        The decompressed bytes that the part declares; `check_part` comes before.
+        The decompressed bytes that the part declares; `Limits.check_part` comes before.
     """
     # pages of memory that nothing is written to do not exist yet, so a lying size costs nothing
     whole = memoryview(np.empty(size, dtype=np.uint8).data)

@@ -19,9 +19,10 @@ from rosbags.rosbag2.storage_mcap import zstd
 import strand
 from lib.bag_files import FORMATS, START, record_film, write_bag
 from strand import Recording
+from strand.io.budget import Budget
 from strand.io.recordings import is_recording
 from strand.io.recordings.ros2_folder import YAML_BYTES
-from strand.io.recordings.unpacking import MAX_PART, Work, check_part, unpack, unpack_message
+from strand.io.recordings.unpacking import MAX_PART, Limits, unpack, unpack_message
 from strand.support.files import FileFormatError
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=2, camera=strand.synthetic.Camera(size=(64, 48)))
@@ -211,10 +212,10 @@ def test_parts_without_compression_have_the_size_that_they_declare():
 
 
 def test_parts_that_do_not_fit_are_refused_by_their_size():
-    check_part(1000, 1000)
+    Limits(Budget(1000)).check_part(1000)
     for size, most in ((1001, 1000), (1 << 62, 1000), (MAX_PART + 1, 1 << 40)):
         with pytest.raises(ValueError, match=f"takes {size} bytes, more than"):
-            check_part(size, most)
+            Limits(Budget(most)).check_part(size)
 
 
 def test_messages_that_become_too_large_are_refused():
@@ -230,10 +231,10 @@ def test_messages_that_become_too_large_are_refused():
 
 
 def test_work_grows_with_the_file():
-    for size in (0, 1 << 20):
-        work = Work(size)
-        work.unpack((1 << 29) + 1024 * size)
-        work.count((1 << 17) + size // 4)
+    for size, files in ((0, 1), (1 << 20, 1), (1 << 20, 8)):
+        work = Limits(Budget(1), files).begin_pass(size)
+        work.unpack((1 << 29) // files + 1024 * size)
+        work.count((1 << 17) // files + size // 4)
         with pytest.raises(
             ValueError, match="decompresses to more than 536870912 bytes and 1024 for each byte"
         ):

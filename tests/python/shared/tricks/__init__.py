@@ -23,9 +23,12 @@ class Trick:
         Reads the file in a folder, with `MAX_BYTES` as the limit.
     answered : bool
         Whether the file is read; else FileFormatError is expected.
+    seconds : float
+        The most processor time; by default, only a limit of the process ends the reader.
     """
 
     name: str
     make: Callable[[Path], Any]
     read: Callable[[Path], Any]
     answered: bool = False
+    seconds: float = 60.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 
-from shared.tricks import Trick, arrays, images
+from shared.tricks import Trick, arrays, images, mcap_files, messages
 
 _LATE = (
     "PIL.BmpImagePlugin",
@@ -14,8 +14,7 @@ _LATE = (
     "PIL.TiffImagePlugin",
     "lz4.frame",
     "pyarrow.parquet",
-    "rosbags.rosbag1",
-    "rosbags.rosbag2",
+    "backports.zstd",
     "strand.cli",
 )
 
@@ -28,4 +27,4 @@ def load_modules() -> None:
 
 def list_tricks() -> list[Trick]:
     """Return all tricks."""
-    return [*images.list_tricks(), *arrays.list_tricks()]
+    return [*images.list_tricks(), *arrays.list_tricks(), *mcap_files.list_tricks(), *messages.list_tricks()]
