@@ -278,6 +278,7 @@ class RopeImages:
         errors: tuple[float | None, float, float, float],
         iterations: SupportsIndex,
         uncertainty: bool,
+        among: Sequence[int] | None = None,
     ) -> list[ImageFit | None]: ...
     def refit(
         self,

@@ -6,13 +6,19 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
+use schur::Schur;
+pub use schur::Solver;
+
 use crate::simd::kernel;
+
+mod schur;
 
 /// Entries of a row up to its diagonal for nodes in space: three control points before it, and its own coordinates.
 pub const WIDTH: usize = 12;
 /// Entries of a row up to its diagonal for nodes in a plane: three nodes before it, and its own coordinates.
 pub const PLANAR: usize = 8;
 const ROWS_AT_ONCE: usize = 4; // rows that are factored together
+const MAX_DIRECT: usize = 180; // border unknowns that are solved by factors alone; more are solved by iterations
 
 /// The lower half of a symmetric matrix [[A, C], [Cᵀ, D]]: A is banded with n rows, D is dense with m rows.
 #[derive(Debug, Clone)]
@@ -61,12 +67,29 @@ impl<const W: usize> Bordered<W> {
         self.corner[(row, column)] += value;
     }
 
+    /// Prepares the matrix to be solved; returns None if it is not positive definite. `blocks` holds the first border
+    /// unknown of each group that is coupled most closely, such as the unknowns of a pose.
+    pub fn solver(self, blocks: &[usize]) -> Option<Solver<W>> {
+        if self.corner.nrows() <= MAX_DIRECT {
+            return Some(Solver::Direct(self.factor()?));
+        }
+        Some(Solver::Iterative(Schur::new(self, blocks)?))
+    }
+
     /// Factors the matrix by Cholesky; returns None if it is not positive definite.
     pub fn factor(mut self) -> Option<Factor<W>> {
         let m = self.corner.nrows();
+        if m > MAX_DIRECT {
+            if !eliminate(&mut self.band, &mut self.border, None) {
+                return None;
+            }
+            let rows = DMatrix::from_column_slice(m, self.band.len(), &self.border);
+            self.corner.gemm(-1.0, &rows, &rows.transpose(), 1.0);
+            return Some(Factor { band: self.band, border: self.border, corner: self.corner.cholesky()? });
+        }
         // row by row, m entries a row
         let mut taken = vec![0.0; m * m];
-        if !eliminate(&mut self.band, &mut self.border, &mut taken) {
+        if !eliminate(&mut self.band, &mut self.border, Some(&mut taken)) {
             return None;
         }
         for a in 0..m {
@@ -78,8 +101,9 @@ impl<const W: usize> Bordered<W> {
     }
 }
 
-/// Turns A into L and C into W, and adds the lower half of WᵀW to `product`; returns whether A is positive definite.
-fn eliminate<const W: usize>(band: &mut [[f64; W]], border: &mut [f64], product: &mut [f64]) -> bool {
+/// Turns A into L and C into W, and adds the lower half of WᵀW to `product`, if asked; returns whether A is positive
+/// definite.
+fn eliminate<const W: usize>(band: &mut [[f64; W]], border: &mut [f64], product: Option<&mut [f64]>) -> bool {
     // the kernels take flat slices because they have no width parameter
     match W {
         WIDTH => eliminate_wide(band.as_flattened_mut(), border, product),
@@ -90,20 +114,24 @@ fn eliminate<const W: usize>(band: &mut [[f64; W]], border: &mut [f64], product:
 
 kernel! {
     /// [`eliminate`] for rows of `WIDTH`.
-    fn eliminate_wide<S>(_, band: &mut [f64], border: &mut [f64], product: &mut [f64]) -> bool {
+    fn eliminate_wide<S>(_, band: &mut [f64], border: &mut [f64], product: Option<&mut [f64]>) -> bool {
         eliminate_rows::<WIDTH>(band.as_chunks_mut().0, border, product)
     }
 }
 
 kernel! {
     /// [`eliminate`] for rows of `PLANAR`.
-    fn eliminate_planar<S>(_, band: &mut [f64], border: &mut [f64], product: &mut [f64]) -> bool {
+    fn eliminate_planar<S>(_, band: &mut [f64], border: &mut [f64], product: Option<&mut [f64]>) -> bool {
         eliminate_rows::<PLANAR>(band.as_chunks_mut().0, border, product)
     }
 }
 
 #[inline(always)]
-fn eliminate_rows<const W: usize>(band: &mut [[f64; W]], border: &mut [f64], product: &mut [f64]) -> bool {
+fn eliminate_rows<const W: usize>(
+    band: &mut [[f64; W]],
+    border: &mut [f64],
+    mut product: Option<&mut [f64]>,
+) -> bool {
     let n = band.len();
     let together = n / ROWS_AT_ONCE * ROWS_AT_ONCE;
     for i in (0..together).step_by(ROWS_AT_ONCE) {
@@ -129,6 +157,7 @@ fn eliminate_rows<const W: usize>(band: &mut [[f64; W]], border: &mut [f64], pro
         for x in edge.iter_mut() {
             *x *= band[i][W - 1];
         }
+        let Some(product) = product.as_deref_mut() else { continue };
         for a in 0..m {
             let x = edge[a];
             for (sum, y) in product[a * m..=a * m + a].iter_mut().zip(&edge[..=a]) {
@@ -253,7 +282,12 @@ impl<const W: usize> Factor<W> {
         let mut rows = self.border.clone();
         invert(&self.band, &mut inverse, &mut rows);
         let lower = self.corner.l();
-        for row in rows.chunks_exact_mut(m.max(1)) {
+        if m > MAX_DIRECT {
+            let mut columns = DMatrix::from_column_slice(m, inverse.len(), &rows);
+            lower.solve_lower_triangular_mut(&mut columns);
+            rows.copy_from_slice(columns.as_slice());
+        }
+        for row in rows.chunks_exact_mut(m.max(1)).filter(|_| m <= MAX_DIRECT) {
             for a in 0..m {
                 let known: f64 = (0..a).map(|b| lower[(a, b)] * row[b]).sum();
                 row[a] = (row[a] - known) / lower[(a, a)];

@@ -171,12 +171,15 @@ impl RopeImages {
     /// iterations : int
     /// uncertainty : bool
     ///     Whether to compute covariances.
+    /// among : sequence of int, optional
+    ///     The views that count, with those of the hypotheses and the held one; all by default. Others get no corrections.
     ///
     /// Returns
     /// -------
     /// list of (ImageFit or None)
     ///     None for a hypothesis without depth.
     #[allow(clippy::too_many_arguments)]
+    #[pyo3(signature = (hypotheses, plane, held, pose_sd, errors, iterations, uncertainty, among=None))]
     fn fit(
         &self,
         py: Python<'_>,
@@ -187,22 +190,29 @@ impl RopeImages {
         errors: Errors,
         iterations: usize,
         uncertainty: bool,
+        among: Option<Vec<usize>>,
     ) -> PyResult<Vec<Option<ImageFit>>> {
+        let among = among.unwrap_or_else(|| (0..self.0.views.len()).collect());
+        if let Some(view) = among.iter().find(|&&view| view >= self.0.views.len()) {
+            return Err(PyValueError::new_err(format!("among: there is no view {view}")));
+        }
+        let place = |name: &str, view: usize| {
+            let place = among.iter().position(|&other| other == view);
+            place.ok_or_else(|| PyValueError::new_err(format!("{name}: view {view} is not among {among:?}")))
+        };
+        let held = place("held", held)?;
         let hypotheses = hypotheses
             .iter()
             .map(|(view, chains)| {
-                if *view >= self.0.views.len() {
-                    return Err(PyValueError::new_err(format!("hypotheses: there is no view {view}")));
-                }
                 let chains = chains.iter().map(places).collect::<PyResult<Vec<_>>>()?;
-                Ok((*view, chains))
+                Ok((place("hypotheses", *view)?, chains))
             })
             .collect::<PyResult<Vec<_>>>()?;
         check_fit(pose_sd, errors, iterations)?;
         let plane = plane.map(plane_of).transpose()?;
         let (sensor, of) = (sensor(errors), self.0.clone());
         released(py, move || {
-            let views = of.rope_views();
+            let views: Vec<RopeView> = among.iter().map(|&view| of.views[view].rope_view()).collect();
             parallel::map(&hypotheses, |(reference, chains)| {
                 let lifted = imagefit::lift(&views[*reference], chains, of.radius, plane, &sensor)?;
                 let options = ImageFitOptions {
@@ -218,8 +228,8 @@ impl RopeImages {
                 let margins = lifted.crossings.iter().map(|c| c.margin).collect();
                 let fit = imagefit::fit(&views, &lifted.nodes, of.radius, plane, &pairs, &sensor, &options)?;
                 Some(ImageFit {
-                    fit: Arc::new(fit),
-                    reference: *reference,
+                    fit: Arc::new(fit.among(&among, of.views.len())),
+                    reference: among[*reference],
                     noise: lifted.sigma,
                     pairs,
                     margins,

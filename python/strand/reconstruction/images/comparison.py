@@ -38,6 +38,7 @@ _MAX_OUTSIDE = 2.0  # squared radii of tube outside masks: with more, ropes may 
 _MAX_READINGS = 6  # readings of each view
 _MAX_MORE = 12.0  # cost above the best reading's: those that cost more are not fitted
 _MIN_READINGS = 2  # readings that are fitted whatever they cost
+_MAX_COMPARED = 24  # views by which readings are compared; all fit the best one
 _MAX_FITTED = 10_000.0  # radii of rope in the readings that are fitted, for each view up to two
 _MAX_LONGER = 4.0  # times the longest reading's length: ropes found otherwise that are longer are noise
 _MAX_LENGTH = 5e4  # pixels: longer ropes, and those that are farther away, are in no image
@@ -135,6 +136,13 @@ def _sum_lengths(chains: Sequence[Array]) -> float:
     return float(sum(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum() for nodes in chains))
 
 
+def choose_compared(count: int, held: int) -> list[int]:
+    """Return the views that compare readings: all, or some of many with the first, last and held one."""
+    if count <= _MAX_COMPARED:
+        return list(range(count))
+    return sorted({held, *np.linspace(0, count - 1, _MAX_COMPARED).round().astype(int).tolist()})
+
+
 def fit_readings(
     images: RopeImages,
     readings: Sequence[Reading],
@@ -146,7 +154,8 @@ def fit_readings(
     """Fit readings to all views; drop those whose ropes have no depth."""
     poses = (config.poses.rotation_sd, config.poses.translation_sd)
     hypotheses = [(reading.view, reading.chains) for reading in readings]
-    fits = images.fit(hypotheses, table, held, poses, errors.values, _STEPS, False)
+    among = choose_compared(len(images.radii), held)
+    fits = images.fit(hypotheses, table, held, poses, errors.values, _STEPS, False, among)
     return [(reading, fit) for reading, fit in zip(readings, fits, strict=True) if fit is not None]
 
 

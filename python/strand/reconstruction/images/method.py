@@ -14,7 +14,13 @@ from strand.reconstruction.evidence.depth_errors import MIN_CORRELATION
 from strand.reconstruction.images.above_table import mask_above_table
 from strand.reconstruction.images.beyond_mask import doubt_ends_beyond_masks
 from strand.reconstruction.images.border_ends import straighten_border_ends
-from strand.reconstruction.images.comparison import Explanation, find_likely_readings, fit_and_rank, refit
+from strand.reconstruction.images.comparison import (
+    Explanation,
+    choose_compared,
+    find_likely_readings,
+    fit_and_rank,
+    refit,
+)
 from strand.reconstruction.images.facing_ends import doubt_facing_ends
 from strand.reconstruction.images.fat_masks import MIN_WIDER, measure_excess
 from strand.reconstruction.images.image_doubts import (
@@ -132,7 +138,9 @@ def read_images(observed: Observed, config: Config, run: Run) -> Interpretation:
             raise NotEnoughDataError(_NO_ROPE) from error
     images, taken, factor = views.images, views.taken, views.factor
     with run.stage("readings"):
-        numbers = [held] if run.skips("readings of all views but one") else range(len(taken))
+        numbers = choose_compared(len(taken), held)
+        if run.skips("readings of all views but one"):
+            numbers = [held]
         readings = find_likely_readings(images, observed.prior.ropes, numbers)
     errors = Errors(lateral=factor * Errors.lateral)
     if isinstance(config.sensor, Sensor):

@@ -49,6 +49,17 @@ pub struct ImageFit {
 }
 
 impl ImageFit {
+    /// Returns the fit of some of `count` views as one of all: the other views have no corrections.
+    pub fn among(mut self, some: &[usize], count: usize) -> Self {
+        let (mut corrections, mut biases) = (vec![[0.0; 6]; count], vec![0.0; count]);
+        for (&view, (correction, bias)) in some.iter().zip(self.corrections.iter().zip(&self.biases)) {
+            corrections[view] = *correction;
+            biases[view] = *bias;
+        }
+        (self.corrections, self.biases) = (corrections, biases);
+        self
+    }
+
     /// Returns the fit with new nodes; each gets the covariance of the nearest old node.
     ///
     /// Also returns the pairs of places at crossings, moved to the new nodes. A pair is dropped if a place has no

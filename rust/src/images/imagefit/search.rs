@@ -122,11 +122,12 @@ impl State<'_> {
         self.update();
         let reference = &self.seen[self.options.reference];
         self.ends = self.curves.ends().map(|i| reference.image[i]).collect();
+        let blocks: Vec<usize> = self.columns.iter().map(|view| view.pose.unwrap_or(view.bias)).collect();
         while taken < most {
             crate::parallel::go_on();
             let far = (taken as f64) < most as f64 * FAR;
             let (matrix, band, border) = self.equations(LIMITS[usize::from(!far)]);
-            let (step, rest) = matrix.factor()?.solve(&band, &border);
+            let (step, rest) = matrix.solver(&blocks)?.solve(&band, &border);
             let largest = step.iter().fold(0.0, |most: f64, x| most.max(x.abs())) / self.radius;
             if !largest.is_finite() {
                 return None;

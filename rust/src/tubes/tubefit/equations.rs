@@ -34,6 +34,11 @@ impl Layout {
         self.poses + self.radii
     }
 
+    /// Returns the first unknown in the border of each pose and each radius.
+    pub(super) fn blocks(&self) -> Vec<usize> {
+        (0..self.poses).step_by(6).chain(self.poses..self.border()).collect()
+    }
+
     /// Returns the first of a view's six unknowns in the border; None for a view that stays.
     pub(super) fn column(&self, view: usize) -> Option<usize> {
         self.reference.filter(|&fixed| fixed != view).map(|fixed| 6 * (view - usize::from(view > fixed)))

@@ -157,8 +157,8 @@ impl State<'_> {
             return Ok(0.0);
         }
         let (matrix, right_band, right_border) = self.assemble(terms, &layout, options)?;
-        let factor = matrix.factor().ok_or_else(refuse_undetermined)?;
-        let (controls, edges) = factor.solve(&right_band, &right_border);
+        let solver = matrix.solver(&layout.blocks()).ok_or_else(refuse_undetermined)?;
+        let (controls, edges) = solver.solve(&right_band, &right_border);
         let gained: f64 =
             right_band.iter().zip(&controls).chain(right_border.iter().zip(&edges)).map(|(a, b)| a * b).sum();
         if options.fit_curves {
@@ -180,11 +180,11 @@ impl State<'_> {
         }
         let mut size = (gained / (controls.len() + edges.len()) as f64).sqrt();
         if layout.radii > 0 {
-            let covariance = factor.border_inverse();
+            let variances = solver.border_variances(layout.poses..layout.border());
             for class in 0..layout.radii {
                 let column = layout.poses + class;
                 // a radius is one unknown among many, but all others follow it
-                size = size.max(edges[column].abs() / covariance[(column, column)].sqrt());
+                size = size.max(edges[column].abs() / variances[class].sqrt());
                 let (r, start) = (self.radii[class], self.start_radii[class]);
                 let step = edges[column].clamp(-0.15 * r, 0.15 * r);
                 self.radii[class] = (r + step).clamp(0.5 * start, 2.0 * start);
