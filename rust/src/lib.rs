@@ -34,6 +34,8 @@
 mod checks;
 mod clouds;
 mod error;
+#[cfg(any(fuzzing, test))]
+pub mod fuzzing;
 mod geometry;
 mod icp;
 mod images;

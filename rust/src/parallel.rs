@@ -116,8 +116,11 @@ fn is_worker() -> bool {
     GIVEN_UP.with(|given_up| given_up.get().is_some())
 }
 
-/// Runs `work` if the system gives no threads: this thread becomes a pool of its own, permanently.
-fn alone<T>(work: impl FnOnce() -> T) -> T {
+/// Runs `work` if the system gives no threads, or shall give none: this thread becomes a pool of its own, permanently.
+pub(crate) fn alone<T>(work: impl FnOnce() -> T) -> T {
+    if is_worker() {
+        return work();
+    }
     if let Ok(pool) = ThreadPoolBuilder::new().num_threads(1).use_current_thread().build() {
         GIVEN_UP.with(|given_up| given_up.get_or_init(Arc::default).store(false, Ordering::Relaxed));
         std::mem::forget(pool);

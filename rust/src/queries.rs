@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use crate::checks::{check_finite, check_positive, check_same_length};
 use crate::error::{Error, Result};
-use crate::geometry::{Point, RigidMotion, normalized, squared_distance, sub};
+use crate::geometry::{Point, RigidMotion, dot, normalized, squared_distance, sub};
 use crate::parallel::{self, go_on};
 use boxes::BoxMotion;
 use capsule::Capsule;
@@ -113,8 +113,9 @@ impl TubeQueries {
             let at = line.at(distance);
             let place = if distance > 0.0 { capsule.beside(at) } else { self.nearest_place(at)? };
             let out = sub(at, place.point);
-            // on the axis, all ways out are equally near
-            let normal = if out == [0.0; 3] { line.direction().map(|x| -x) } else { normalized(out) };
+            // on the axis, all ways out are equally near; below this, squares lose their digits
+            let is_on_axis = dot(out, out) < f64::MIN_POSITIVE;
+            let normal = if is_on_axis { line.direction().map(|x| -x) } else { normalized(out) };
             Some(Hit { distance, place, normal })
         }))
     }
@@ -203,5 +204,30 @@ fn check_not_negative(name: &'static str, value: f64) -> Result<()> {
     } else {
         check_positive(name, value)
             .map_err(|_| Error::invalid(name, format!("expected finite numbers >= 0, got {value:?}")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normals_beside_the_axis_have_unit_length() {
+        let nodes = [[0.0; 3], [1.0, 0.0, 0.0]];
+        let path = Path { nodes: &nodes, arc_length: &[0.0, 1.0], radius: 0.1 };
+        let tubes = TubeQueries::new(&[path]).unwrap();
+        for aside in [0.0, 5e-324, 1e-200, 1e-160, 1e-150, 1e-9] {
+            let hits = tubes.ray_hits(&[[0.5, aside, 0.0]], &[[0.0, 0.0, 1.0]]).unwrap();
+            let normal = hits[0].unwrap().normal;
+            assert!((dot(normal, normal) - 1.0).abs() < 1e-12, "{normal:?}");
+        }
+    }
+
+    #[test]
+    fn poses_are_as_near_as_points() {
+        let tubes = TubeQueries::new(&[]).unwrap();
+        let far = RigidMotion { translation: [1e200, 0.0, 0.0].into(), ..RigidMotion::identity() };
+        assert!(tubes.swept_boxes(&[far], &[RigidMotion::identity()], &[[0.1; 3]]).is_err());
+        assert!(tubes.swept_boxes(&[RigidMotion::identity()], &[far], &[[0.1; 3]]).is_err());
     }
 }

@@ -71,7 +71,11 @@ pub(crate) fn variances_around(
                 around.add(sub(p, place));
             }
         }
-        if around.count() < fewest { [f64::NAN; 3] } else { eigen_symmetric(&around.covariance()).values }
+        if around.count() < fewest {
+            return [f64::NAN; 3];
+        }
+        // rounding may leave less than nothing
+        eigen_symmetric(&around.covariance()).values.map(|variance| variance.max(0.0))
     }))
 }
 
@@ -106,6 +110,9 @@ mod tests {
             assert!(got.iter().zip(want).all(|(got, want)| (got - want).abs() < 1e-9), "{found:?}");
         }
         assert!(found[2].iter().all(|x| x.is_nan()));
+        let slanted: Vec<Point> = (0..40).map(|i| [0.3, 0.7, 0.2].map(|x| x * f64::from(i))).collect();
+        let found = variances_around(&slanted, &[[0.0; 3]], 1e3, 3).unwrap();
+        assert!(found[0].iter().all(|&variance| variance >= 0.0), "{found:?}");
         assert!(variances_around(&line, &[], 0.0, 1).is_err());
         assert!(variances_around(&line, &[[f64::NAN; 3]], 1.0, 1).is_err());
     }

@@ -44,7 +44,7 @@ pub fn cell_of(p: Point, cell: f64) -> [i64; 3] {
     let inverse = 1.0 / cell;
     p.map(|x| {
         let cells = x * inverse;
-        cells as i64 - i64::from(cells < 0.0)
+        (cells as i64).saturating_sub(i64::from(cells < 0.0))
     })
 }
 

@@ -17,7 +17,7 @@ import pytest
 
 import fresh
 import strand
-from lib import collection, frames, judging, results
+from lib import collection, frames, judging, libfuzzer, results
 
 BENCHES = Path(collection.__file__).parents[1]
 ROOT = BENCHES.parent
@@ -251,3 +251,21 @@ def test_hanging_ropes_cross_as_seen_across_their_layer():
         found, chains = judging.judge_scene(made, give_radius=True, give_ropes=True)
         assert chains
         assert found.crossings.true == 2
+
+
+LOG = """
+#2\tINITED cov: 120 ft: 130 corp: 3/60b exec/s: 0 rss: 34Mb
+#512\tpulse  cov: 140 ft: 160 corp: 5/90b lim: 8 exec/s: 256 rss: 34Mb
+thread '<unnamed>' panicked at rust/src/a.rs:7:9:
+not finite
+stat::number_of_executed_units: 700
+stat::average_exec_per_sec:     350
+"""
+
+
+def test_logs_of_fuzzers_are_read():
+    found = libfuzzer.read_output(LOG, 77)
+    assert found == libfuzzer.Outcome(700, 2.0, 120, 140, 5, "rust/src/a.rs:7:9:")
+    assert libfuzzer.read_output(LOG, 0).crash == ""
+    with pytest.raises(RuntimeError, match="no such target"):
+        libfuzzer.read_output("no such target", 1)

@@ -129,10 +129,11 @@ class Crate:
             module = module[:-1] if module[-1:] == ("mod",) else module
             texts[module] = strip_source(path.read_text(encoding="utf-8"))
             self.modules[module] = name
-        # modules of tests are not part of the layout
+        # modules of tests and fuzzing are not part of the layout
         for module, text in list(texts.items()):
-            for child in re.findall(r"#\[cfg\(test\)\]\s*mod (\w+);", text):
-                del self.modules[(*module, child)], texts[(*module, child)]
+            for child in re.findall(r"#\[cfg\((?:test|any\(fuzzing, test\))\)\] (?:pub )?mod (\w+);", text):
+                for name in [name for name in texts if name[: len(module) + 1] == (*module, child)]:
+                    del self.modules[name], texts[name]
         for module, text in texts.items():
             self.aliases[module] = {}
             self.paths[module] = set()

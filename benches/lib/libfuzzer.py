@@ -1,0 +1,85 @@
+"""Runs of libFuzzer, as a program of its own or within Atheris, and what they print."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+SLOWEST = 20  # seconds of one input
+MEMORY = 2048  # MB of the process
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run found.
+
+    Attributes
+    ----------
+    inputs : int
+        Inputs that ran.
+    seconds : float
+        How long they took.
+    before, after : int
+        Edges that the first inputs and all inputs covered.
+    corpus : int
+        Inputs that cover something of their own.
+    crash : str
+        Why the run ended early; empty if it did not.
+    """
+
+    inputs: int
+    seconds: float
+    before: int
+    after: int
+    corpus: int
+    crash: str
+
+
+def run_fuzzer(
+    command: Sequence[str],
+    folders: Sequence[Path],
+    findings: Path,
+    *,
+    environment: Mapping[str, str],
+    inputs: int,
+    seconds: int,
+    length: int,
+) -> Outcome:
+    """Run a fuzzer until it has had so many inputs or seconds, and return what it found.
+
+    The first of `folders` gets the inputs that cover something new; the others hold the first inputs.
+    `findings` is the start of the paths of inputs that end the process.
+    """
+    options = [f"-runs={inputs}", f"-max_total_time={seconds}", f"-max_len={length}", "-print_final_stats=1"]
+    options += [f"-timeout={SLOWEST}", f"-rss_limit_mb={MEMORY}", f"-artifact_prefix={findings}"]
+    done = subprocess.run(
+        [*command, *options, *map(str, folders)],
+        env=environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+    return read_output(done.stderr, done.returncode)
+
+
+def read_output(text: str, code: int) -> Outcome:
+    """Return what libFuzzer says in its log."""
+    states = re.findall(r"^#(\d+)\s+(\w+)\s+cov: (\d+) .*?corp: (\d+)/", text, re.MULTILINE)
+    if not states:
+        raise RuntimeError(f"the fuzzer did not start:\n{text[-2000:]}")
+    first = next((state for state in states if state[1] == "INITED"), states[0])
+    counts = dict(re.findall(r"^stat::(\w+):\s+(\d+)$", text, re.MULTILINE))
+    inputs = int(counts.get("number_of_executed_units", states[-1][0]))
+    rate = int(counts.get("average_exec_per_sec", 0))
+    crash = ""
+    if code != 0:
+        why = re.search(r"panicked at (.*)|Uncaught Python exception: ===\n(.*)|ERROR: (.*)", text)
+        crash = next((part for part in why.groups() if part), "") if why else f"exit code {code}"
+    return Outcome(
+        inputs, inputs / rate if rate else 0.0, int(first[2]), int(states[-1][2]), int(states[-1][3]), crash
+    )
