@@ -20,7 +20,7 @@ from strand.ropes.model import Model
 from strand.ropes.seen_side import USUAL_UP
 from strand.support.checks import check_path, check_sequence, check_text
 from strand.support.extras import import_extra
-from strand.support.files import FileFormatError
+from strand.support.files import FileFormatError, open_file
 from strand.tracking.track import TrackedRope
 
 # kinds of warning that always name chains; a warning of another kind in all rows may be about none
@@ -111,12 +111,13 @@ def iterate_shards(out: str | os.PathLike[str], columns: Sequence[str]) -> Itera
     for name in sorted(list_shards(folder), key=_get_sort_key):
         path = folder / name
         try:
-            file = pq.ParquetFile(path, page_checksum_verification=True)
-            _check_version(path, file.metadata.metadata)
-            if not file.schema_arrow.equals(schema):
-                # checksums protect the rows, but not their types
-                raise FileFormatError(path, "truncated, damaged or not a shard (other columns)")
-            table = file.read(columns=list(columns), use_threads=False)
+            with open_file(path) as opened:
+                file = pq.ParquetFile(opened, page_checksum_verification=True)
+                _check_version(path, file.metadata.metadata)
+                if not file.schema_arrow.equals(schema):
+                    # checksums protect the rows, but not their types
+                    raise FileFormatError(path, "truncated, damaged or not a shard (other columns)")
+                table = file.read(columns=list(columns), use_threads=False)
             if len(table) != file.metadata.num_rows:
                 raise FileFormatError(path, f"expected {file.metadata.num_rows} rows, got {len(table)}")
             yield path, table.select(columns).cast(pa.schema([schema.field(name) for name in columns]))

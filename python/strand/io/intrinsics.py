@@ -28,6 +28,8 @@ def read_intrinsics(path: str | os.PathLike[str]) -> Array:
         if json:
             return check_intrinsics("intrinsics", _parse_json(read_json(path, MAX_BYTES)))
         return check_intrinsics("intrinsics", _reshape(read_bytes(path, MAX_BYTES).split()))
+    except FileFormatError:  # says what is wrong already
+        raise
     except (KeyError, OverflowError, TypeError, ValueError) as error:
         wanted = "fx, fy, cx and cy, or an intrinsic_matrix" if json else "a matrix"
         reason = f"expected the numbers of a pinhole camera: {wanted} of nine numbers ({error})"
