@@ -11,6 +11,7 @@ mod motion;
 pub mod overlap;
 pub mod plan;
 pub mod polyline;
+pub mod schur;
 pub mod spline;
 pub mod straighten;
 mod vector;

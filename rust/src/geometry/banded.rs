@@ -6,28 +6,24 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use schur::Schur;
-pub use schur::Solver;
-
 use crate::simd::kernel;
-
-mod schur;
 
 /// Entries of a row up to its diagonal for nodes in space: three control points before it, and its own coordinates.
 pub const WIDTH: usize = 12;
 /// Entries of a row up to its diagonal for nodes in a plane: three nodes before it, and its own coordinates.
 pub const PLANAR: usize = 8;
 const ROWS_AT_ONCE: usize = 4; // rows that are factored together
-const MAX_DIRECT: usize = 180; // border unknowns that are solved by factors alone; more are solved by iterations
+/// Border unknowns up to which factors are made row by row, and solve steps; more are solved by iterations.
+pub(super) const MAX_DIRECT: usize = 180;
 
 /// The lower half of a symmetric matrix [[A, C], [Cᵀ, D]]: A is banded with n rows, D is dense with m rows.
 #[derive(Debug, Clone)]
 pub struct Bordered<const W: usize = WIDTH> {
     /// Row i of A holds columns i + 1 − W to i.
-    band: Vec<[f64; W]>,
+    pub(super) band: Vec<[f64; W]>,
     /// C, row by row.
-    border: Vec<f64>,
-    corner: DMatrix<f64>,
+    pub(super) border: Vec<f64>,
+    pub(super) corner: DMatrix<f64>,
 }
 
 /// A factored [`Bordered`].
@@ -67,15 +63,6 @@ impl<const W: usize> Bordered<W> {
         self.corner[(row, column)] += value;
     }
 
-    /// Prepares the matrix to be solved; returns None if it is not positive definite. `blocks` holds the first border
-    /// unknown of each group that is coupled most closely, such as the unknowns of a pose.
-    pub fn solver(self, blocks: &[usize]) -> Option<Solver<W>> {
-        if self.corner.nrows() <= MAX_DIRECT {
-            return Some(Solver::Direct(self.factor()?));
-        }
-        Some(Solver::Iterative(Schur::new(self, blocks)?))
-    }
-
     /// Factors the matrix by Cholesky; returns None if it is not positive definite.
     pub fn factor(mut self) -> Option<Factor<W>> {
         let m = self.corner.nrows();
@@ -103,7 +90,11 @@ impl<const W: usize> Bordered<W> {
 
 /// Turns A into L and C into W, and adds the lower half of WᵀW to `product`, if asked; returns whether A is positive
 /// definite.
-fn eliminate<const W: usize>(band: &mut [[f64; W]], border: &mut [f64], product: Option<&mut [f64]>) -> bool {
+pub(super) fn eliminate<const W: usize>(
+    band: &mut [[f64; W]],
+    border: &mut [f64],
+    product: Option<&mut [f64]>,
+) -> bool {
     // the kernels take flat slices because they have no width parameter
     match W {
         WIDTH => eliminate_wide(band.as_flattened_mut(), border, product),

@@ -198,7 +198,7 @@ impl RopeImages {
         }
         let place = |name: &str, view: usize| {
             let place = among.iter().position(|&other| other == view);
-            place.ok_or_else(|| PyValueError::new_err(format!("{name}: view {view} is not among {among:?}")))
+            place.ok_or_else(|| PyValueError::new_err(format!("{name}: there is no view {view} among them")))
         };
         let held = place("held", held)?;
         let hypotheses = hypotheses

@@ -9,6 +9,7 @@ use super::outcome::{ImageFit, Misfit};
 use super::places::{OnChain, Place2, STEP, TOUCHING};
 use super::residuals::{measure_depth_scatter, measure_edge_scatter};
 use crate::geometry::banded::{Bordered, Factor, WIDTH};
+use crate::geometry::schur::Solver;
 use crate::geometry::{Point, advance, dot, normalized, sub};
 
 const BEND: f64 = 2.0; // cost of bending, for each ∫ κ² ds with lengths in radii
@@ -127,7 +128,7 @@ impl State<'_> {
             crate::parallel::go_on();
             let far = (taken as f64) < most as f64 * FAR;
             let (matrix, band, border) = self.equations(LIMITS[usize::from(!far)]);
-            let (step, rest) = matrix.solver(&blocks)?.solve(&band, &border);
+            let (step, rest) = Solver::new(matrix, &blocks)?.solve(&band, &border);
             let largest = step.iter().fold(0.0, |most: f64, x| most.max(x.abs())) / self.radius;
             if !largest.is_finite() {
                 return None;

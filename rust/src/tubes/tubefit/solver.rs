@@ -9,6 +9,7 @@ use super::outcome::{TubeFit, Uncertainty};
 use super::state::{State, find_least, find_twist};
 use crate::error::Result;
 use crate::geometry::median::MEDIAN_TO_SD;
+use crate::geometry::schur::Solver;
 use crate::geometry::{Point, RigidMotion, advance, dot, sub};
 
 /// Factor of the standard deviation of second differences after a step in which a curve bends too tightly.
@@ -157,7 +158,7 @@ impl State<'_> {
             return Ok(0.0);
         }
         let (matrix, right_band, right_border) = self.assemble(terms, &layout, options)?;
-        let solver = matrix.solver(&layout.blocks()).ok_or_else(refuse_undetermined)?;
+        let solver = Solver::new(matrix, &layout.blocks()).ok_or_else(refuse_undetermined)?;
         let (controls, edges) = solver.solve(&right_band, &right_border);
         let gained: f64 =
             right_band.iter().zip(&controls).chain(right_border.iter().zip(&edges)).map(|(a, b)| a * b).sum();

@@ -5,7 +5,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use super::{Bordered, Factor, eliminate};
+use super::banded::{Bordered, Factor, MAX_DIRECT, eliminate};
 
 const TOLERANCE: f64 = 1e-8; // least residual, share of the first
 const MAX_ITERATIONS: usize = 300; // iterations of a solution at most; it takes tens
@@ -27,6 +27,15 @@ pub struct Schur<const W: usize> {
 }
 
 impl<const W: usize> Solver<W> {
+    /// Prepares a matrix; None if it is not positive definite. `blocks` holds the first border unknown of each group
+    /// that is coupled most closely, such as the unknowns of a pose.
+    pub fn new(matrix: Bordered<W>, blocks: &[usize]) -> Option<Self> {
+        if matrix.corner.nrows() <= MAX_DIRECT {
+            return Some(Self::Direct(matrix.factor()?));
+        }
+        Some(Self::Iterative(Schur::new(matrix, blocks)?))
+    }
+
     /// Solves for a right-hand side; returns the unknowns of the band and those of the border.
     pub fn solve(&self, band: &[f64], border: &[f64]) -> (Vec<f64>, Vec<f64>) {
         match self {
@@ -49,7 +58,7 @@ impl<const W: usize> Solver<W> {
 
 impl<const W: usize> Schur<W> {
     /// Eliminates the band; None if the matrix is not positive definite.
-    pub fn new(matrix: Bordered<W>, blocks: &[usize]) -> Option<Self> {
+    fn new(matrix: Bordered<W>, blocks: &[usize]) -> Option<Self> {
         let Bordered { mut band, mut border, mut corner } = matrix;
         let m = corner.nrows();
         if !eliminate(&mut band, &mut border, None) {
@@ -143,7 +152,7 @@ impl<const W: usize> Schur<W> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::WIDTH;
+    use super::super::banded::WIDTH;
     use super::*;
 
     #[test]
@@ -175,7 +184,7 @@ mod tests {
             ((0..n).map(|i| wave(i, 3)).collect::<Vec<_>>(), (0..m).map(|i| wave(i, 5)).collect::<Vec<_>>());
         let factor = matrix.clone().factor().unwrap();
         let blocks: Vec<usize> = (0..views).map(|view| 6 * view).collect();
-        let solver = matrix.solver(&blocks).unwrap();
+        let solver = Solver::new(matrix, &blocks).unwrap();
         assert!(matches!(solver, Solver::Iterative(_)));
         let (direct, found) = (factor.solve(&band, &border), solver.solve(&band, &border));
         for (a, b) in direct.0.iter().chain(&direct.1).zip(found.0.iter().chain(&found.1)) {
