@@ -98,3 +98,12 @@ def test_packages_name_their_licence():
     assert len(lines) >= 8
     for line in lines:
         assert re.search(r"# (BSD|MIT|Apache|PSF|ISC)[^:]*: ", line), line
+
+
+def test_workflows_name_actions_by_commit():
+    """A tag can be moved to other code."""
+    workflows = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
+    lines = [line for path in workflows for line in path.read_text().splitlines() if "uses:" in line]
+    assert len(lines) >= 8
+    for line in lines:
+        assert re.fullmatch(r"\s*(- )?uses: [\w./-]+@[0-9a-f]{40}  # v\d+\.\d+\.\d+", line), line
