@@ -5,7 +5,7 @@ python benches/fuzz.py [--inputs N] [--seconds T] [--only NAME ...] [--corpus DI
 The targets are in `rust/src/fuzzing/`, the program in `fuzz/`. The stable compiler builds it, with a counter
 for each edge between blocks of code. Each target starts with the inputs in `tests/data/fuzzing/`, those of
 `--corpus`, and some at random. Inputs that reach something new go to `--corpus`. An answer that is not finite
-or not within limits ends a target, as do 20 seconds and 2 GB for one input. That input is kept beside the
+or not within limits ends a target, as do two minutes and 2 GB for one input. That input is kept beside the
 corpus as `NAME-crash-...`, and `--again FILE --only NAME` runs it once more. The exit code is 1 if there are
 crashes. What was found belongs in `tests/data/fuzzing/`, whose inputs `cargo test` runs.
 """

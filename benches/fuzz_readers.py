@@ -6,7 +6,7 @@ It needs Atheris, which is no dependency of strand: `python -m pip install ather
 3.13). Files start whole. Half of the mutations know the format (`lib/mutations.py`), the others are those of
 libFuzzer. Each kind of file has a process of its own (`lib/fuzzed_reader.py`). As in `mutated_files.py`, a
 file may give an answer, `strand.FileFormatError`, or `OSError` where it names another file. All else is a
-finding and ends its kind, as do 20 seconds and 2 GB for one file. The exit code is 1 if there are findings.
+finding and ends its kind, as do two minutes and 2 GB for one file. The exit code is 1 if there are findings.
 """
 
 from __future__ import annotations

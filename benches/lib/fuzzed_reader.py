@@ -10,15 +10,17 @@ import random
 import sys
 import tempfile
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
+from types import FunctionType, ModuleType
 
 import atheris
 
-with atheris.instrument_imports(include=["strand.io", "strand.support", "strand.views", "strand.config"]):
-    import strand
-    from lib.bag_files import FORMATS, record_film, write_bag
-    from lib.damaged_files import ALLOWED, Kind, list_kinds, locate_error, make_folder, try_file
+import strand
+from lib.bag_files import FORMATS, record_film, write_bag
+from lib.damaged_files import ALLOWED, Kind, list_kinds, locate_error, make_folder, try_file
 
+COUNTED = ("strand.io", "strand.support", "strand.views", "strand.config")  # modules whose edges count
 MAX_BYTES = 1 << 22  # of a recording
 SUFFIXES = {"ros1": "bag", "sqlite3": "db3", "mcap": "mcap"}
 KNOWING = 0.5  # share of the mutations that know the format
@@ -49,12 +51,20 @@ def try_recording(path: Path) -> str:
     return "answer"
 
 
+def list_functions(module: ModuleType) -> Iterator[FunctionType]:
+    """Yield the functions and methods that a module defines."""
+    classes = [item for item in vars(module).values() if isinstance(item, type)]
+    for owner in (module, *classes):
+        for item in vars(owner).values():
+            function = item.fget if isinstance(item, property) else getattr(item, "__func__", item)
+            if isinstance(function, FunctionType) and function.__module__ == module.__name__:
+                yield function
+
+
 def fuzz_kind(kind: Kind, folder: Path, options: list[str]) -> None:
     """Fuzz one kind of file; the process ends at the end."""
     own, first = make_folder(folder, kind), folder / "first"
     first.mkdir()
-    for number, data in enumerate(kind.whole):
-        (first / str(number)).write_bytes(data)
 
     def read(data: bytes) -> None:
         (own / kind.name).write_bytes(data)
@@ -73,6 +83,13 @@ def fuzz_kind(kind: Kind, folder: Path, options: list[str]) -> None:
         return atheris.Mutate(data, longest)
 
     warnings.simplefilter("ignore")
+    for number, data in enumerate(kind.whole):
+        (first / str(number)).write_bytes(data)
+        read(data)  # loads modules that load late
+    for name, module in list(sys.modules.items()):
+        if name.startswith(COUNTED):
+            for function in set(list_functions(module)):
+                atheris.instrument_func(function)
     atheris.Setup([sys.argv[0], *options, str(first)], read, custom_mutator=mutate)
     atheris.Fuzz()
 
