@@ -21,6 +21,7 @@ from strand.views.box import Box
 from strand.views.depth_image import DepthImage
 from strand.views.extract import Extract
 from strand.views.pose import moved
+from strand.views.rope_images import make_rope_images
 from strand.views.view import View
 
 _Indices = NDArray[np.intp]
@@ -131,7 +132,7 @@ def select_views(extract: Extract, filtered: Sequence[View], radius: float, run:
     """
     reasons: dict[int, str] = {}
     for number, (view, own, left) in enumerate(zip(extract.whole, extract.inside, filtered, strict=True)):
-        reason = _explain_unlike_mask(view, radius) or _explain_empty_mask(view)
+        reason = _explain_unlike_mask(view, own, extract.bounds, radius) or _explain_empty_mask(view)
         if reason is None and not len(left.points):
             reason = _explain_no_points(view, own)
         if reason is not None:
@@ -154,21 +155,28 @@ def _explain_empty_mask(view: View) -> str | None:
     return "no depth inside its mask" if mask.any() else "an empty mask"
 
 
-def _explain_unlike_mask(view: View, radius: float) -> str | None:
-    """Say why a mask with depth is unlike one of ropes of a radius, metres; None if it is not."""
+def _explain_unlike_mask(view: View, own: View, bounds: Box | None, radius: float) -> str | None:
+    """Say why a mask with depth is unlike one of ropes of a radius, metres; None if it is not.
+
+    `own` is the view inside the extraction range, `bounds`. What is outside does not count.
+    """
     image, mask = view.image, view.mask
-    if image is None or mask is None:
+    if image is None or mask is None or mask.all():
         return None
     if np.isnan(image.distance):
         return None
     across = radius * max(image.camera.focal) / image.distance
-    largest, pieces, holes = count_mask_parts(mask, across)
-    if largest < _MIN_AREA * across**2:
+    parts = count_mask_parts(mask, across)
+    if parts.largest < _MIN_AREA * across**2:
         return (
-            f"a mask that shows no rope: its largest part has {largest} pixels, and a rope of this radius is "
-            f"{2.0 * across:.1f} wide"
+            f"a mask that shows no rope: its largest part has {parts.largest} pixels, and a rope of this "
+            f"radius is {2.0 * across:.1f} wide"
         )
-    return explain_many_parts(pieces, holes)
+    reason = explain_many_parts(parts)
+    if reason is not None and bounds is not None:
+        (inside,) = make_rope_images([own], [view], bounds)
+        reason = explain_many_parts(count_mask_parts(inside.mask, across))
+    return reason
 
 
 def _explain_no_points(view: View, own: View) -> str:

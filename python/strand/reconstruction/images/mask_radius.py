@@ -53,8 +53,7 @@ def _estimate_by_area(image: DepthImage) -> tuple[float, list[Array]]:
     pixels = _core.estimate_mask_radius(image.mask)
     if pixels is None or np.isnan(image.distance):
         raise NotEnoughDataError("views: the masks show no rope with depth")
-    _, pieces, holes = count_mask_parts(image.mask, pixels)
-    if reason := explain_many_parts(pieces, holes):
+    if reason := explain_many_parts(count_mask_parts(image.mask, pixels)):
         raise NotEnoughDataError(f"views: no radius is given, and the view to measure it has {reason}")
     shown = pixels * image.distance / image.camera.focal[0]
     radius, chains = _measure_area(image, shown)

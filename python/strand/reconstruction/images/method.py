@@ -138,10 +138,11 @@ def read_images(observed: Observed, config: Config, run: Run) -> Interpretation:
             raise NotEnoughDataError(_NO_ROPE) from error
     images, taken, factor = views.images, views.taken, views.factor
     with run.stage("readings"):
-        numbers = choose_compared(len(taken), held)
         if run.skips("readings of all views but one"):
-            numbers = [held]
-        readings = find_likely_readings(images, observed.prior.ropes, numbers)
+            readings = find_likely_readings(images, observed.prior.ropes, [held], most=1)
+        else:
+            compared = choose_compared(len(taken), held)
+            readings = find_likely_readings(images, observed.prior.ropes, compared)
     errors = Errors(lateral=factor * Errors.lateral)
     if isinstance(config.sensor, Sensor):
         errors = convert_sensor(config.sensor, views.given, images, radius, factor)

@@ -154,11 +154,11 @@ def read_noisy_depth(
         raise NotEnoughDataError(_NO_ROPE)
     views = sorted({0, held, len(first) - 1}) if len(first) > _MAX_VIEWS else range(len(first))
     with run.stage("readings"):
+        most = _MAX_READINGS
         if run.skips("readings of all views but one"):
-            views = [held]
+            views, most = [held], 1
         readings = [
-            find_likely_readings(each.images, observed.prior.ropes, views, _MAX_READINGS, _MAX_MORE)
-            for each in masks
+            find_likely_readings(each.images, observed.prior.ropes, views, most, _MAX_MORE) for each in masks
         ]
     with run.stage("arcs"):
         tubes: list[Array] = []
