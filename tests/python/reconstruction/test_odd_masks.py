@@ -21,10 +21,6 @@ def make_grid(period: int, width: int) -> np.ndarray:
     return (COLUMNS % period < width) | (ROWS % period < width)
 
 
-def make_star(rays: int) -> np.ndarray:
-    return np.sin(rays * np.arctan2(ROWS - 240, COLUMNS - 320)) > 0.3
-
-
 def make_walk(steps: int) -> np.ndarray:
     chance, mask = np.random.default_rng(3), np.zeros(SIZE, dtype=bool)
     place, angle = np.array([240.0, 320.0]), 0.0
@@ -45,7 +41,6 @@ REFUSED = {
     "speckle": CHANCE.random(SIZE) < 0.05,
     "a chessboard": (COLUMNS // 16 + ROWS // 16) % 2 == 0,
     "fine stripes": COLUMNS % 8 < 4,
-    "rays": make_star(40),
     "a comb": (ROWS < 20) | (COLUMNS % 12 < 5),
 }
 ANSWERED = {
