@@ -37,6 +37,7 @@ UNCHECKED = {
     "straighten",
     "bridge",
     "unproject",
+    "unproject inside a mask",
     "convolved",
     "measure_heights",
     "find_standing",

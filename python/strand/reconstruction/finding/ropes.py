@@ -265,7 +265,7 @@ def segment_views(extract: Extract, radii: Array | None) -> tuple[FoundRopes, di
     own = estimate_strip_radius(shown)
     longest = max(float(measure_strip_lengths(image, own).max(initial=0.0)) for image in shown)
     if longest < _MIN_LENGTH * own or not any(len(found[k].points) for k in tops):
-        low_things = any(_measure_area(image) > 2.0 * _MIN_LENGTH * thin**2 for image in shown)
+        low_things = any(_measure_area(image) > 2.0 * _MIN_LENGTH * thin * thin for image in shown)
         raise NoRopeError(f"views: {_explain_none(others, longest, own, extract.bounds)}", low_things)
     pictures = {k: image for k, image in zip(tops, shown, strict=True) if extract.whole[k].image is None}
     ropes = FoundRopes(tuple(found), width, tuple(tables), tuple(others), low_strips=tuple(low_strips))

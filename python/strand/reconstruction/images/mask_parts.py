@@ -11,6 +11,7 @@ import strand._core as _core
 
 _MIN_PIECE = 3.0  # squares of the radius, pixels: smaller pieces are specks
 _MIN_HOLE = 1.25  # squares of the radius, pixels: ragged masks have smaller holes without a crossing
+_MIN_SQUARE = 1e-12  # squared pixels: thinner ropes are no ropes
 _MAX_PIECES = 100  # pieces of a mask at most; more are no ropes
 _MAX_HOLES = 100  # holes of a mask at most; more make a net or noise
 _MAX_LENGTH = 10_000.0  # radii: longer ropes in one mask take long, and are no ropes
@@ -36,8 +37,10 @@ class MaskParts(NamedTuple):
 
 def count_mask_parts(mask: NDArray[np.bool_], radius: float) -> MaskParts:
     """Count the parts of a mask of ropes of a radius, pixels."""
-    largest, pieces, holes = _core.count_mask_parts(mask, _MIN_PIECE * radius**2, _MIN_HOLE * radius**2)
-    return MaskParts(largest, pieces, holes, np.count_nonzero(mask) / (2.0 * radius**2))
+    # squares of Python's numbers may overflow
+    square = max(radius * radius, _MIN_SQUARE)
+    largest, pieces, holes = _core.count_mask_parts(mask, _MIN_PIECE * square, _MIN_HOLE * square)
+    return MaskParts(largest, pieces, holes, np.count_nonzero(mask) / (2.0 * square))
 
 
 def explain_many_parts(parts: MaskParts) -> str | None:
@@ -49,5 +52,5 @@ def explain_many_parts(parts: MaskParts) -> str | None:
             f"a mask of a net: it has {parts.holes} holes, and crossings of ropes make at most {_MAX_HOLES}"
         )
     if parts.length > _MAX_LENGTH:
-        return f"a mask of {parts.length:.0f} radii of rope, where at most {_MAX_LENGTH:.0f} are read"
+        return f"a mask of {parts.length:.3g} radii of rope, where at most {_MAX_LENGTH:.0f} are read"
     return None
