@@ -170,7 +170,7 @@ def _explain_unlike_mask(view: View, own: View, bounds: Box | None, radius: floa
     if parts.largest < _MIN_AREA * across**2:
         return (
             f"a mask that shows no rope: its largest part has {parts.largest} pixels, and a rope of this "
-            f"radius is {2.0 * across:.1f} wide"
+            f"radius is {2.0 * across:.4g} wide"
         )
     reason = explain_many_parts(parts)
     if reason is not None and bounds is not None:
