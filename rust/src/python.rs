@@ -18,6 +18,7 @@ mod images;
 mod knots;
 mod masks;
 mod normals;
+mod plain;
 mod queries;
 mod released;
 mod track;

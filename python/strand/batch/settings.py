@@ -21,6 +21,7 @@ from strand.support.checks import (
     check_bool,
     check_integer,
     check_intrinsics,
+    check_lengths,
     check_nonnegative,
     check_positive,
     check_sequence,
@@ -136,7 +137,9 @@ class Settings:
             "intrinsics": None
             if self.intrinsics is None
             else freeze_array(check_intrinsics("intrinsics", self.intrinsics)),
-            "depth_scale": None if self.depth_scale is None else float(self.depth_scale),
+            "depth_scale": None
+            if self.depth_scale is None
+            else check_positive("depth_scale", self.depth_scale),
             "max_bytes": check_integer("max_bytes", self.max_bytes, 1),
         }
         for name in ("topics", "color_topics"):
@@ -164,12 +167,8 @@ def _check_lengths(name: str, given: float | Sequence[float] | None) -> float | 
     """Return one length or several, metres."""
     if given is None:
         return None
-    if isinstance(given, (int, float, np.number)) or (isinstance(given, np.ndarray) and given.ndim == 0):
-        return check_positive(name, given)
-    values = tuple(check_positive(name, value) for value in check_sequence(name, given, "numbers"))
-    if not values:
-        raise ValueError(f"{name}: expected one number or several, got none")
-    return values
+    values = check_lengths(name, given)
+    return values if np.ndim(given) else values[0]
 
 
 def _name_infinite(value: Any) -> Any:

@@ -84,4 +84,4 @@ def bound_polylines(polylines: Sequence[Array]) -> tuple[Array, Array]:
 def measure_gaps(boxes: tuple[Array, Array], place: Array) -> Array:
     """(K,) Return the distances of a place from boxes, given by (K, 3) corners; 0 inside."""
     low, high = boxes
-    return np.linalg.norm(np.maximum(np.maximum(low - place, place - high), 0.0), axis=1)
+    return np.asarray(np.linalg.norm(np.maximum(np.maximum(low - place, place - high), 0.0), axis=1))

@@ -11,7 +11,7 @@ import numpy as np
 import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.config import Known
-from strand.support.checks import Array, check_radius
+from strand.support.checks import Array, check_radius, refuse_masks_and_units
 from strand.views.box import Bounds
 from strand.views.view import View, check_views
 
@@ -88,6 +88,7 @@ class Radii:
         ValueError
             If one is not finite and positive, or there is none.
         """
+        refuse_masks_and_units("radius", radius)
         each = np.atleast_1d(np.asarray(radius, dtype=object)).tolist()
         values = np.unique([check_radius(one) for one in each])
         if not len(values):

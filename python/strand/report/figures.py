@@ -47,7 +47,7 @@ from strand.ropes.chain import Chain
 from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
 from strand.ropes.notebook import PALETTE
-from strand.support.checks import Array
+from strand.support.checks import Array, check_clouds, check_finite_array
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
 
@@ -106,7 +106,7 @@ def write_figures(
     OSError
         If a file cannot be written.
     """
-    centerlines = tuple(np.asarray(line, dtype=np.float64) for line in truth)
+    centerlines = check_clouds("truth", truth)
     names = _FIGURES[find_branch(model)]
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
@@ -138,7 +138,7 @@ def plot_over_points(model: Model, points: ArrayLike, path: str | os.PathLike[st
     OSError
         If the file cannot be written.
     """
-    cloud = np.asarray(points, dtype=np.float64)
+    cloud = check_finite_array("points", points, ("N", 3))
     names = [f"chain {i}: {chain.length * 1e3:.0f} mm" for i, chain in enumerate(model.chains)]
     entries = [make_dot("points", GRAY), *make_line_entries(names)]
     drawing = make_drawing(model, cloud, "Chains over the points", entries, elevation=False)
@@ -164,7 +164,7 @@ def draw_registered(model: Model) -> Figure:
     return _draw_by_view(model, model.stages["registered"], "Registered points")
 
 
-def draw_ropes(model: Model, truth: Sequence[Array] = ()) -> Figure:
+def draw_ropes(model: Model, truth: Sequence[ArrayLike] = ()) -> Figure:
     """Draw the model's chains, coloured by arc length, over the registered points (fig. 13).
 
     Nodes that no point supports, where a rope bridges a gap, are dotted. Crossings as seen in the plan, and
@@ -186,7 +186,8 @@ def draw_ropes(model: Model, truth: Sequence[Array] = ()) -> Figure:
     unsure = _find_doubts(model)
     if len(unsure):
         legend.append(_make_doubt_entry())
-    if truth:
+    centerlines = check_clouds("truth", truth)
+    if centerlines:
         legend.append(
             import_extra("matplotlib.lines").Line2D([], [], color=INK, lw=0.9, ls="--", label="truth")
         )
@@ -201,7 +202,7 @@ def draw_ropes(model: Model, truth: Sequence[Array] = ()) -> Figure:
         lines.append((path, colors(1e3 * (np.cumsum(steps) - steps / 2))))
     drawing.draw_lines(lines, width=3.0)
     drawing.draw_markers(bridged, "o", "white", size=2.5)
-    for line in truth:
+    for line in centerlines:
         where = drawing.plan.to_millimeters(line)
         for axes, across, up, _ in drawing.panels:
             axes.plot(where[:, across], where[:, up], color=INK, lw=0.9, ls="--", zorder=4)

@@ -25,7 +25,7 @@ from strand.report.tables import count_stages, describe_ends
 from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
 from strand.ropes.summary import say_whether_to_act
-from strand.support.checks import Array, check_finite_array
+from strand.support.checks import Array, check_clouds
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
 from strand.views.pose import moved
@@ -89,7 +89,7 @@ def write_report(
     """
     views = check_views(views)
     cameras = make_cameras(model, views)
-    lines = [check_finite_array(f"truth[{i}]", line, ("N", 3)) for i, line in enumerate(truth)]
+    lines = check_clouds("truth", truth)
     figure = make_space_figure(model, place_points(model, views), cameras, lines)
     script = gzip.compress(import_extra("plotly.offline").get_plotlyjs().encode(), mtime=0)
     sections = [

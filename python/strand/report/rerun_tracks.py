@@ -11,7 +11,7 @@ import numpy as np
 from strand.geometry.polyline import find_runs
 from strand.report.drawn_chains import pick_color
 from strand.report.tracks import Track, TrackedRope, name_rope
-from strand.support.checks import Array, check_sequence
+from strand.support.checks import Array, check_clouds, check_sequence
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
 
@@ -53,15 +53,16 @@ def write_track_recording(
     for name, given in (("numbers", numbers), ("clouds", clouds)):
         if given is not None and len(given) != len(tracks):
             raise ValueError(f"{name}: expected one for each of {len(tracks)} tracks, got {len(given)}")
+    points = None if clouds is None else check_clouds("clouds", clouds)
     rerun = import_extra("rerun")
     recording = rerun.RecordingStream("strand")
     stream = recording.memory_recording()
     for k, track in enumerate(tracks):
         recording.set_time("time", duration=track.time - tracks[0].time)
         recording.set_time("frame", sequence=k if numbers is None else numbers[k])
-        if clouds is not None:
+        if points is not None:
             sizes = rerun.Radius.ui_points(_POINT_SIZE)
-            recording.log("points", rerun.Points3D(clouds[k], radii=sizes, colors=[_POINT]))
+            recording.log("points", rerun.Points3D(points[k], radii=sizes, colors=[_POINT]))
         for rope in track.ropes:
             _log_rope(rerun, recording, rope)
         gone = (

@@ -15,7 +15,7 @@ from strand.report.drawn_chains import close_path, pick_color
 from strand.report.page import place_points
 from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
-from strand.support.checks import check_finite_array
+from strand.support.checks import check_clouds
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
 from strand.views.view import View, check_views
@@ -98,7 +98,7 @@ def show(model: Model, views: Sequence[View], *, truth: Sequence[ArrayLike] = ()
 def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth: Sequence[ArrayLike]) -> None:
     views = check_views(views)
     cameras = make_cameras(model, views)
-    lines = [check_finite_array(f"truth[{i}]", line, ("N", 3)) for i, line in enumerate(truth)]
+    lines = check_clouds("truth", truth)
 
     def log(name: str, *shapes: Any) -> None:
         recording.log(name, *shapes, static=True)

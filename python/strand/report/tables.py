@@ -13,6 +13,7 @@ from strand.ropes.chain import Chain
 from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
 from strand.ropes.summary import say_whether_to_act
+from strand.support.checks import check_finite_array
 from strand.views.view import View
 
 # the stages of each branch or method, each with the key of its points in Model.stages, or None if it has no
@@ -136,7 +137,7 @@ def measure_accuracy(chain: Chain, truth: ArrayLike) -> Accuracy:
     The `rms` uses the nearest place of the centreline to each place of the chain. Missing parts of the
     chain do not change it; they show in `length_error`.
     """
-    true = Chain(np.asarray(truth), chain.radius)
+    true = Chain(check_finite_array("truth", truth, ("N", 3)), chain.radius)
     places = np.linspace(0.0, chain.length, max(round(chain.length / _SPACING) + 1, 2))
     distances = true.nearest(chain.at(places)).distance
     rms = float(np.sqrt(np.mean(distances**2)))

@@ -43,6 +43,6 @@ def check_table(name: str, value: tuple[ArrayLike, float]) -> Plane:
     if len(given) != 2:
         raise ValueError(f"{name}: expected a normal and an offset, got {len(given)} values")
     normal = check_up(f"{name}[0]", given[0])
-    length = float(np.linalg.norm(np.asarray(given[0], dtype=np.float64)))
+    length = float(np.linalg.norm(check_small_array(f"{name}[0]", given[0], (3,))))
     offset = check_number(f"{name}[1]", given[1])
     return Plane(normal, offset if abs(length - 1.0) <= _MAX_LENGTH_ERROR else offset / length)

@@ -21,10 +21,13 @@ Array = NDArray[np.float64]
 _MAX_ROTATION_ERROR = 1e-6  # how far R R^T may be from the identity, in any entry
 _MAX_LAST_ROW_ERROR = 1e-9  # how far the last row of a pose may be from (0, 0, 0, 1)
 _MAX_ROTATION_ENTRY = 2.0  # larger entries could overflow in R R^T
+_MAX_NESTING = 4  # lists in lists, deeper than any argument's
+_PLAIN = frozenset((bool, int, float))  # entries of lists that hold no array
 
 
 def check_number(name: str, value: Any) -> float:
     """Return `value` as a finite float; arrays without a dimension count as numbers."""
+    refuse_masks_and_units(name, value)
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.integer, np.floating)):
@@ -51,6 +54,18 @@ def check_positive(name: str, value: Any, most: float = math.inf) -> float:
     return found
 
 
+def check_lengths(name: str, value: Any) -> tuple[float, ...]:
+    """Return one length or several, metres, as positive floats."""
+    refuse_masks_and_units(name, value)
+    each = np.asarray(value, dtype=object)
+    lengths = tuple(check_positive(name, one) for one in each.ravel().tolist())
+    if each.ndim > 1:
+        raise ValueError(f"{name}: expected one number or a flat list of them, got shape {each.shape}")
+    if not lengths:
+        raise ValueError(f"{name}: expected one number or several, got none")
+    return lengths
+
+
 def check_nonnegative(name: str, value: Any) -> float:
     """Return `value` as a float of zero or above."""
     try:
@@ -65,6 +80,8 @@ def check_nonnegative(name: str, value: Any) -> float:
 def check_integer(name: str, value: Any, least: int = 0, most: float = math.inf) -> int:
     """Return `value` as an int from `least` to `most`."""
     try:
+        if isinstance(value, (bool, np.bool_, np.ma.MaskedArray)):
+            raise TypeError
         found = operator.index(value)
     except TypeError:
         raise TypeError(f"{name}: expected an integer, got {type(value).__name__}") from None
@@ -132,6 +149,7 @@ def check_sequence(name: str, value: Iterable[Any], content: str) -> tuple[Any, 
 
     `content` says in the error message what the entries should be.
     """
+    refuse_masks_and_units(name, value)
     try:
         if isinstance(value, (str, bytes, dict)):
             raise TypeError
@@ -159,17 +177,33 @@ def check_radius(radius: float) -> float:
 
 
 def to_array(name: str, value: ArrayLike) -> NDArray[Any]:
-    """Return `value` as an array of any type; refuse ragged rows and masked elements."""
-    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
-        masked = np.count_nonzero(np.ma.getmaskarray(value))
-        raise ValueError(
-            f"{name}: expected an array without masked elements, got {masked} masked; "
-            "drop them, or fill them: .filled(0) suits depths without a return, and masks"
-        )
+    """Return `value` as an array of any type; refuse ragged rows, masks and units.
+
+    Other subclasses, such as matrices and memory maps, count as the plain numbers that they hold.
+    """
+    refuse_masks_and_units(name, value)
     try:
         return np.asarray(value)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
+
+
+def refuse_masks_and_units(name: str, value: Any, depth: int = _MAX_NESTING) -> None:
+    """Raise TypeError if a value, or an entry of a list, is a masked array or has a unit.
+
+    NumPy would take the numbers under the mask, and drop the unit.
+    """
+    if isinstance(value, np.ma.MaskedArray):
+        raise TypeError(
+            f"{name}: expected an array without a mask; fill or drop masked values: .filled(0) suits depths "
+            "without a return, and masks"
+        )
+    if isinstance(value, np.ndarray):
+        if type(value) is not np.ndarray and (hasattr(value, "unit") or hasattr(value, "units")):
+            raise TypeError(f"{name}: expected plain numbers in SI units, got {type(value).__name__}")
+    elif isinstance(value, (list, tuple)) and depth > 0 and not _PLAIN.issuperset(map(type, value)):
+        for entry in value:
+            refuse_masks_and_units(name, entry, depth - 1)
 
 
 def freeze_array(array: NDArray[Any], given: Any = None) -> NDArray[Any]:
@@ -214,6 +248,22 @@ def check_float_array(name: str, value: ArrayLike, shape: tuple[int | str, ...])
 def check_finite_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
     """Return `value` as `check_float_array` does; refuse NaN and infinity."""
     return _check_finite(name, check_float_array(name, value, shape))
+
+
+def check_clouds(name: str, values: Iterable[ArrayLike]) -> tuple[Array, ...]:
+    """Return a sequence of (N, 3) arrays, such as clouds or centrelines, as finite float64 arrays."""
+    given = check_sequence(name, values, "(N, 3) arrays")
+    return tuple(check_finite_array(f"{name}[{i}]", one, ("N", 3)) for i, one in enumerate(given))
+
+
+def check_vectors(name: str, value: ArrayLike) -> Array:
+    """Return (..., 3) points or directions as float64; whole numbers, NaN and infinity are accepted."""
+    array = convert_integers(name, value)
+    if array.dtype.kind != "f":
+        raise TypeError(f"{name}: expected numbers, got dtype {array.dtype}")
+    if array.shape[-1:] != (3,):
+        raise ValueError(f"{name}: expected shape (..., 3), got {array.shape}")
+    return array.astype(np.float64, copy=False)
 
 
 def check_small_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:

@@ -20,6 +20,7 @@ from strand.support.checks import (
     check_intrinsics,
     check_nonnegative,
     check_positive,
+    check_sequence,
 )
 from strand.synthetic.fields import check_pixels, dilate, draw_field
 
@@ -109,7 +110,7 @@ class DepthCamera:
         for name in ("missing", "missing_edge"):
             if check_nonnegative(name, getattr(self, name)) > 1:
                 raise ValueError(f"{name}: expected a fraction from 0 to 1, got {getattr(self, name)}")
-        for i, part in enumerate(self.grain):
+        for i, part in enumerate(check_sequence("grain", self.grain, "pairs")):
             if len(part) != 2:
                 raise ValueError(f"grain[{i}]: expected a smoothness and a share, got {part!r}")
             check_pixels(f"grain[{i}][0]", part[0])

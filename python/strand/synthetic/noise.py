@@ -53,6 +53,7 @@ class Noise:
 
     def misplace(self, poses: Array, rng: np.random.Generator) -> Array:
         """Return (V, 4, 4) camera-to-world poses with errors; the middle view's pose stays exact."""
+        poses = check_finite_array("poses", poses, ("V", 4, 4))
         errors = rng.normal(size=(len(poses), 3)) * (self.turn, self.shift, self.shift)
         errors[len(poses) // 2] = 0.0
         return np.stack([_displace(pose, *error) for pose, error in zip(poses, errors, strict=True)])

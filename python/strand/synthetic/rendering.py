@@ -16,6 +16,7 @@ from strand.support.checks import (
     check_positive,
     check_rigid_motion,
     check_sequence,
+    refuse_masks_and_units,
 )
 from strand.synthetic.shapes import LONGEST
 
@@ -206,6 +207,7 @@ def check_rope(name: str, value: ArrayLike) -> Array:
 
 
 def _check_radii(radius: float | Sequence[float], count: int) -> list[float]:
+    refuse_masks_and_units("radius", radius)
     if isinstance(radius, (Sequence, np.ndarray)) and np.ndim(radius) > 0:
         radii = [check_positive(f"radius[{i}]", value, LONGEST) for i, value in enumerate(radius)]
     else:

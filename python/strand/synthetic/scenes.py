@@ -15,7 +15,14 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.support.checks import Array, check_integer, check_positive, check_sequence, check_text
+from strand.support.checks import (
+    Array,
+    check_integer,
+    check_positive,
+    check_sequence,
+    check_text,
+    refuse_masks_and_units,
+)
 from strand.support.files import write_bytes
 from strand.support.robust import estimate_deviation
 from strand.synthetic.camera import Camera, find_device
@@ -267,6 +274,7 @@ def _check_radii(
     radius: float | Sequence[float], chains: Sequence[ArrayLike] | None
 ) -> tuple[float, tuple[float, ...]]:
     """Return the ropes' mean radius, metres, and that of each, or none where there is one for all."""
+    refuse_masks_and_units("radius", radius)
     if isinstance(radius, (str, bytes)) or not isinstance(radius, (Sequence, np.ndarray)):
         return check_positive("radius", radius, LONGEST), ()
     radii = tuple(check_positive(f"radius[{i}]", each, LONGEST) for i, each in enumerate(radius))

@@ -9,7 +9,7 @@ import numpy as np
 
 from strand.config import Config
 from strand.ropes.model import Model
-from strand.support.checks import check_integer, check_positive
+from strand.support.checks import check_integer, check_lengths
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +43,8 @@ def check_settings(
     config: Config | None,
 ) -> Settings:
     """Check what a tracker is told."""
-    radii = None if radius is None else [check_positive("radius", one) for one in np.ravel(radius)]
-    lengths = None if length is None else tuple(check_positive("length", one) for one in np.ravel(length))
-    for name, values in (("radius", radii), ("length", lengths)):
-        if values is not None and not len(values):
-            raise ValueError(f"{name}: expected at least one number, got none")
+    radii = None if radius is None else check_lengths("radius", radius)
+    lengths = None if length is None else check_lengths("length", length)
     count = None if ropes is None else check_integer("ropes", ropes, 1)
     if config is not None and not isinstance(config, Config):
         raise TypeError(f"config: expected a Config or None, got {type(config).__name__}")
@@ -66,5 +63,6 @@ def check_settings(
         count = len(lengths)
     if radii is not None and len(radii) > 1 and count is not None and len(radii) > count:
         raise ValueError(f"radius: expected one radius, or at most {count}, got {len(radii)}")
-    given = None if radii is None else (radii[0] if isinstance(radius, float | int) else tuple(radii))
+    single = radius is not None and np.ndim(radius) == 0
+    given = radii[0] if radii is not None and single else radii
     return Settings(given, count, lengths, model, config)

@@ -7,7 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.support.checks import Array, check_float_array, check_rigid_motion, convert_integers, freeze_array
+from strand.support.checks import (
+    Array,
+    check_float_array,
+    check_number,
+    check_rigid_motion,
+    check_vectors,
+    convert_integers,
+    freeze_array,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,23 +62,26 @@ class Box:
             return text
         return f"{text} in its own frame, whose origin is at {format_point(self.pose[:3, 3])} m"
 
-    def holds(self, points: Array, margin: float = 0.0) -> NDArray[np.bool_]:
+    def holds(self, points: ArrayLike, margin: float = 0.0) -> NDArray[np.bool_]:
         """Tell which points (..., 3) of the world frame are inside, or at most a margin outside; metres."""
-        x = self.express(points)
-        return np.asarray(((x >= self.low - margin) & (x <= self.high + margin)).all(axis=-1))
+        x, by = self.express(points), check_number("margin", margin)
+        return np.asarray(((x >= self.low - by) & (x <= self.high + by)).all(axis=-1))
 
-    def express(self, points: Array) -> Array:
+    def express(self, points: ArrayLike) -> Array:
         """(..., 3) Return points of the world frame, metres, in the box's own frame."""
+        places = check_vectors("points", points)
         if self.pose is None:
-            return points
-        return np.asarray((points - self.pose[:3, 3]) @ self.pose[:3, :3])
+            return places
+        return np.asarray((places - self.pose[:3, 3]) @ self.pose[:3, :3])
 
-    def express_directions(self, vectors: Array) -> Array:
+    def express_directions(self, vectors: ArrayLike) -> Array:
         """(..., 3) Return directions of the world frame in the box's own frame."""
-        return vectors if self.pose is None else np.asarray(vectors @ self.pose[:3, :3])
+        given = check_vectors("vectors", vectors)
+        return given if self.pose is None else np.asarray(given @ self.pose[:3, :3])
 
-    def express_pose(self, pose: Array) -> Array:
+    def express_pose(self, pose: ArrayLike) -> Array:
         """(4, 4) Return a camera-to-world pose as one from the camera to the box's own frame."""
+        pose = check_rigid_motion("pose", pose)
         if self.pose is None:
             return pose
         back = self.pose[:3, :3].T
@@ -81,7 +92,8 @@ class Box:
 
     def grown(self, margin: float) -> Box:
         """Return the box, larger by a margin on each side, metres."""
-        return replace(self, low=self.low - margin, high=self.high + margin)
+        by = check_number("margin", margin)
+        return replace(self, low=self.low - by, high=self.high + by)
 
     def find_hull(self) -> tuple[Array, Array]:
         """Return the corners of the smallest box along the world's axes around this one, metres."""

@@ -76,7 +76,7 @@ class View:
     ) -> None:
         # later changes of the caller's arrays must not change the view
         dropped = check_integer("dropped", dropped)
-        if np.ndim(points) == 3:
+        if to_array("points", points).ndim == 3:
             points, colors, missing = _list_points(points, colors)
             dropped += missing
         cloud = check_finite_array("points", points, ("N", 3))
@@ -292,7 +292,8 @@ class View:
         ValueError
             If `chosen` has another shape or type.
         """
-        if np.shape(chosen) != (len(self.points),) or np.asarray(chosen).dtype != np.bool_:
+        chosen = to_array("chosen", chosen)
+        if chosen.shape != (len(self.points),) or chosen.dtype != np.bool_:
             raise ValueError(f"chosen: expected one bool for each of {len(self.points)} points")
         colors = None if self._colors is None else self._colors[chosen]
         return self._replace_points(self.points[chosen], colors)

@@ -7,11 +7,13 @@ use std::ops::Deref;
 use numpy::ndarray::Dimension;
 use numpy::{Element, PyArray, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::Borrowed;
-use pyo3::exceptions::{PyMemoryError, PyOverflowError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 use super::arrays::Constant;
 use super::called::{called_method, text_of};
+use super::plain::refuse_masks_and_units;
+pub(super) use super::plain::{count, number};
 use crate::geometry::{Point, RigidMotion};
 use crate::normals::Viewpoints;
 
@@ -68,6 +70,7 @@ impl<T: Element + Copy + 'static> Array<T> {
 impl<T: Element + Copy + 'static> Array<T> {
     /// Takes an array that already has this type, with a number of dimensions.
     pub(super) fn exactly(name: &str, value: &Bound<'_, PyAny>, dimensions: usize) -> PyResult<Self> {
+        refuse_masks_and_units(name, value)?;
         let refuse = || {
             let (wanted, got) = (T::get_dtype(value.py()), value.get_type());
             let got = value.getattr("dtype").map_or_else(|_| got.to_string(), |dtype| text_of(&dtype));
@@ -92,6 +95,7 @@ impl Array<bool> {
 
     /// Takes a boolean array with a number of dimensions.
     pub(super) fn flags(name: &str, value: &Bound<'_, PyAny>, dimensions: usize) -> PyResult<Self> {
+        refuse_masks_and_units(name, value)?;
         if let Ok(array) = value.cast::<PyArrayDyn<bool>>()
             && array.ndim() == dimensions
             && let Some(flags) = Constant::of(array)
@@ -161,6 +165,7 @@ impl FloatArray {
 
     fn of_kind(name: &str, value: &Bound<'_, PyAny>, kinds: &str) -> PyResult<Self> {
         let py = value.py();
+        refuse_masks_and_units(name, value)?;
         if let Ok(array) = value.cast::<PyArrayDyn<f64>>()
             && let Some(values) = taken(name, array)?
         {
@@ -258,24 +263,6 @@ pub(super) fn numbers<const N: usize>(name: &str, value: &Bound<'_, PyAny>) -> P
 
 pub(super) fn point(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Point> {
     numbers(name, value)
-}
-
-pub(super) fn number(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
-    value.extract().map_err(|error: PyErr| match error.is_instance_of::<PyOverflowError>(value.py()) {
-        true => {
-            PyValueError::new_err(format!("{name}: expected a number of double precision, got a larger one"))
-        }
-        false => PyTypeError::new_err(format!("{name}: expected a number, got {value}")),
-    })
-}
-
-/// Takes a whole number that is not negative.
-pub(super) fn count(name: &str, value: &Bound<'_, PyAny>) -> PyResult<usize> {
-    let number: i64 = value
-        .extract()
-        .map_err(|_| PyTypeError::new_err(format!("{name}: expected a whole number, got {value}")))?;
-    usize::try_from(number)
-        .map_err(|_| PyValueError::new_err(format!("{name}: expected a number >= 0, got {number}")))
 }
 
 pub(super) fn motion(name: &str, value: &Bound<'_, PyAny>) -> PyResult<RigidMotion> {

@@ -53,7 +53,7 @@ def test_every_stage_is_left_at_once(camera):
                 signal.setitimer(signal.ITIMER_REAL, 0.0)
             except Interrupted:
                 late.append(time.perf_counter() - begin - share * takes)
-                left.add(stages[-1])
+                left.update(stages[-1:])
             stages.clear()
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)

@@ -86,37 +86,3 @@ def test_later_changes_of_a_callers_array_change_nothing(kind, tmp_path):
     assert np.array_equal(chain.points, view.points)
     assert chain.length == length
     assert theirs.flags.writeable
-
-
-def mask_one(array):
-    return np.ma.masked_array(array, mask=np.arange(np.size(array)).reshape(np.shape(array)) == 1)
-
-
-@pytest.mark.parametrize(
-    ("call", "name"),
-    [
-        (lambda: View(mask_one(np.ones((4, 3)))), "points"),
-        (lambda: View(np.ones((4, 3)), mask_one(np.eye(4))), "pose"),
-        (lambda: View(np.ones((4, 3)), colors=mask_one(np.ones((4, 3)))), "colors"),
-        (lambda: View.from_depth(mask_one(np.ones((4, 5))), np.diag([9.0, 9.0, 1.0])), "depth"),
-        (lambda: View.from_depth(np.ones((4, 5)), mask_one(np.diag([9.0, 9.0, 1.0]))), "intrinsics"),
-        (
-            lambda: View.from_depth(
-                np.ones((4, 5)), np.diag([9.0, 9.0, 1.0]), mask=mask_one(np.ones((4, 5), dtype=bool))
-            ),
-            "mask",
-        ),
-        (lambda: View.from_world(mask_one(np.ones((4, 3))), (0, 0, 1)), "points"),
-        (lambda: View.from_world(np.ones((4, 3)), mask_one(np.ones(3))), "viewpoint"),
-        (lambda: View.from_world(np.ones((4, 3)), (0, 0, 1), mask_one(np.ones((4, 3)))), "colors"),
-        (lambda: View(np.ones((4, 3))).crop((mask_one(np.zeros(3)), np.ones(3))), "bounds"),
-        (lambda: Chain(mask_one(np.arange(12.0).reshape(4, 3)), 0.1), "points"),
-    ],
-)
-def test_masked_elements_are_refused(call, name):
-    with pytest.raises(ValueError, match=f"^{name}.*without masked elements, got 1 masked"):
-        call()
-
-
-def test_a_masked_array_without_masked_elements_is_an_array():
-    assert len(View(np.ma.masked_array(np.ones((4, 3)))).points) == 4

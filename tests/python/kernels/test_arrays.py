@@ -63,6 +63,7 @@ LAYOUTS = {
     "big-endian float32": lambda a: a.astype(">f4"),
     "lists": lambda a: a.tolist(),
     "subclass": lambda a: a.view(np.recarray),
+    "matrix": lambda a: np.asmatrix(a) if a.ndim == 2 else a,
 }
 
 
@@ -220,6 +221,27 @@ def test_vectors_and_poses_may_be_whole_numbers(dtype):
         [a for arc in arcs for a in arc],
         [a for arc in strand.trace_tubes(points, viewpoint, 1.0) for a in arc],
     )
+
+
+class Quantity(np.ndarray):
+    """Has a unit, which NumPy drops."""
+
+    unit = "mm"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "wanted"),
+    [
+        (lambda a: np.ma.masked_array(a, mask=a > 0), "an array without a mask; fill or drop masked values"),
+        (np.ma.masked_array, "an array without a mask; fill or drop masked values"),
+        (lambda a: list(np.ma.masked_array(a, mask=np.ones_like(a))), "an array without a mask"),
+        (lambda a: a.view(Quantity), "plain numbers in SI units, got Quantity"),
+    ],
+)
+@pytest.mark.parametrize(("kernel", "name"), ARGUMENTS)
+def test_masks_and_units_are_refused(kernel, name, wrong, wanted):
+    with pytest.raises(TypeError, match=f"^{name}: expected {wanted}"):
+        call_kernel(kernel, **{name: wrong(ARRAYS[kernel][name])})
 
 
 @pytest.mark.parametrize(("kernel", "name"), ARGUMENTS)

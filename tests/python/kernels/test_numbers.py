@@ -44,7 +44,7 @@ def test_lengths_are_positive(bad):
         trace_chains(points, 0.25, bad)
 
 
-@pytest.mark.parametrize("bad", ["0.5", None, [0.5], 1j, object()])
+@pytest.mark.parametrize("bad", ["0.5", None, [0.5], 1j, object(), True, np.complex128(1), np.ones(1)])
 def test_lengths_are_numbers(bad):
     points, normals = make_lattice(), make_axis_normals()
     for name, function in [
@@ -73,11 +73,14 @@ COUNTS = [
 
 @pytest.mark.parametrize(("name", "function"), COUNTS)
 def test_counts_are_whole_numbers_and_not_negative(name, function):
-    for bad in (3.0, 2.5, np.float64(3), "3", [3]):
+    for bad in (3.0, 2.5, np.float64(3), "3", [3], True, np.True_, np.array([3])):
         with pytest.raises(TypeError, match=f"^{name}: expected a whole number, got "):
             function(bad)
     for bad in (-1, np.int64(-7)):
         with pytest.raises(ValueError, match=f"^{name}: expected a number >= 0, got {bad}"):
+            function(bad)
+    for bad in (2**63, 10**30, -(10**30), np.uint64(2**64 - 1)):
+        with pytest.raises(ValueError, match=f"^{name}: expected a number >= 0 and below 2.63"):
             function(bad)
 
 
@@ -86,6 +89,7 @@ def test_numpy_scalars_are_numbers_too():
     assert_same(
         radius_outlier_mask(points, np.float32(0.5), np.uint8(5)), radius_outlier_mask(points, 0.5, 5)
     )
+    assert_same(radius_outlier_mask(points, np.array(0.5), np.array(5)), radius_outlier_mask(points, 0.5, 5))
     assert_same(
         trace_chains(points, np.float16(0.25), 1, start=np.int64(3)), trace_chains(points, 0.25, 1.0, start=3)
     )

@@ -228,3 +228,72 @@ def test_numbers_at_the_limits_of_their_kind_raise_no_warning():
 def test_whole_numbers_as_colors_are_refused_with_the_ranges(make, name):
     with pytest.raises(TypeError, match=f"^{name}: expected uint8, or floats from 0 to 1, got dtype u?int"):
         make()
+
+
+def mask_one(array):
+    """Return a masked array with one masked element."""
+    return np.ma.masked_array(array, mask=np.arange(np.size(array)).reshape(np.shape(array)) == 1)
+
+
+class Quantity(np.ndarray):
+    """Has units, which NumPy drops."""
+
+    units = "mm"
+
+
+RNG = np.random.default_rng(0)
+CAMERA = np.diag([9.0, 9.0, 1.0])
+TAKE_ARRAYS = [
+    (lambda wrap: strand.View(wrap(np.ones((4, 3)))), "points"),
+    (lambda wrap: strand.View(wrap(np.ones((4, 5, 3)))), "points"),
+    (lambda wrap: strand.View(np.ones((4, 3)), wrap(np.eye(4))), "pose"),
+    (lambda wrap: strand.View(np.ones((4, 3)), colors=wrap(np.ones((4, 3)))), "colors"),
+    (lambda wrap: strand.View(np.ones((4, 3))).select(wrap(np.ones(4, dtype=bool))), "chosen"),
+    (lambda wrap: strand.View(np.ones((4, 3))).crop((wrap(np.zeros(3)), np.ones(3))), "bounds"),
+    (lambda wrap: strand.View.from_depth(wrap(np.ones((4, 5))), CAMERA), "depth"),
+    (lambda wrap: strand.View.from_depth(np.ones((4, 5)), wrap(CAMERA)), "intrinsics"),
+    (lambda wrap: strand.View.from_depth(np.ones((4, 5)), CAMERA, mask=wrap(np.ones((4, 5), int))), "mask"),
+    (lambda wrap: strand.View.from_world(wrap(np.ones((4, 3))), (0, 0, 1)), "points"),
+    (lambda wrap: strand.View.from_world(np.ones((4, 3)), wrap(np.ones(3))), "viewpoint"),
+    (lambda wrap: strand.Box(np.zeros(3), np.ones(3)).holds(wrap(np.ones((4, 3)))), "points"),
+    (lambda wrap: strand.Box(np.zeros(3), np.ones(3)).express_pose(wrap(np.eye(4))), "pose"),
+    (lambda wrap: strand.Chain(wrap(LINE), R), "points"),
+    (lambda wrap: CHAIN.at(wrap(np.array([0.0, 0.05]))), "s"),
+    (lambda wrap: CHAIN.nearest(wrap(LINE)), "points"),
+    (lambda wrap: strand.Model((CHAIN,), SCENE.poses).signed_distance(wrap(LINE)), "points"),
+    (lambda wrap: strand.Model((CHAIN,), SCENE.poses).contacts(0.1, wrap(np.ones(3))), "direction"),
+    (lambda wrap: strand.knot(wrap(LINE)), "points"),
+    (lambda wrap: strand.reconstruct(CLOUDS, wrap(np.array([R, R]))), "radius"),
+    (lambda wrap: strand.reconstruct(CLOUDS, R, length=wrap(np.array([0.4, 0.4]))), "length"),
+    (lambda wrap: strand.fit_tubes(**(FIT | {"radius": wrap(np.array([R, R]))})), "radius"),
+    (lambda wrap: synthetic.render_depth([LINE, LINE], wrap(np.array([R, R])), CAMERA, np.eye(4)), "radius"),
+    (lambda wrap: synthetic.scene(chains=[LINE, LINE], radius=wrap(np.array([R, R]))), "radius"),
+    (lambda wrap: synthetic.Noise().misplace(wrap(SCENE.poses), RNG), "poses"),
+    (
+        lambda wrap: synthetic.Segmentation().make_mask(
+            wrap(np.ones((4, 5), bool)), np.random.default_rng(0)
+        ),
+        "ropes",
+    ),
+]
+
+
+@pytest.mark.parametrize(("call", "name"), TAKE_ARRAYS)
+def test_masked_arrays_are_refused_wherever_arrays_are_taken(call, name):
+    for wrap in (mask_one, np.ma.masked_array, lambda array: list(mask_one(array))):
+        with pytest.raises(TypeError, match=f"^{name}.*expected an array without a mask; fill or drop"):
+            call(wrap)
+    with pytest.raises(TypeError, match=f"^{name}.*expected plain numbers in SI units, got Quantity"):
+        call(lambda array: array.view(Quantity))
+
+
+def test_numbers_without_a_dimension_have_no_mask_either():
+    for number in (np.ma.masked, np.ma.masked_array(0.5)):
+        with pytest.raises(TypeError, match=r"^radius: expected a"):
+            strand.Chain(LINE, number)
+
+
+def test_matrices_count_as_their_numbers():
+    found = strand.Chain(np.asmatrix(LINE), R).points
+    assert type(found) is np.ndarray
+    np.testing.assert_array_equal(found, LINE)

@@ -354,7 +354,7 @@ def make_small(view):
     [
         ({"radius": -1.0}, ValueError, "radius"),
         ({"ropes": 0}, ValueError, "ropes"),
-        ({"radius": []}, ValueError, "radius: expected at least one number"),
+        ({"radius": []}, ValueError, "radius: expected one number or several"),
         ({"length": [0.4, 0.5], "ropes": 3}, ValueError, "length: expected one length or 3"),
         ({"model": "rope"}, TypeError, "model: expected a Model"),
         ({"config": 3}, TypeError, "config: expected a Config"),

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from strand.config import Known
-from strand.support.checks import check_positive
+from strand.support.checks import check_integer, check_lengths
 from strand.views.box import Box
 
 LENGTH_COST = 2.0  # cost of a hypothesis for each radius by which it misses a known length
@@ -60,23 +60,15 @@ class Prior:
         """
         known = Known() if known is None else known
         if ropes is not None:
-            if isinstance(ropes, bool) or not isinstance(ropes, (int, np.integer)):
-                raise TypeError(f"ropes: expected a whole number or None, got {ropes!r}")
-            if ropes < 1:
-                raise ValueError(f"ropes: expected at least 1, got {ropes}")
-            if ropes > _MAX_ROPES:
-                raise ValueError(f"ropes: expected at most {_MAX_ROPES}, got {ropes}")
+            ropes = check_integer("ropes", ropes, 1, _MAX_ROPES)
         if length is None:
             return cls(ropes, bounds=bounds, known=known)
-        each = np.asarray(length, dtype=object)
-        lengths = [check_positive("length", value) for value in each.ravel()]
-        if each.ndim == 0:
-            return cls(ropes, tuple(lengths), True, bounds, known)
-        if each.ndim != 1 or not len(each):
-            raise ValueError(f"length: expected one length or one for each rope, got {length!r}")
-        if ropes is not None and len(each) != ropes:
-            raise ValueError(f"length: expected one for each of {ropes} ropes, got {len(each)}")
-        return cls(len(each), tuple(sorted(lengths, reverse=True)), bounds=bounds, known=known)
+        lengths = check_lengths("length", length)
+        if np.ndim(length) == 0:
+            return cls(ropes, lengths, True, bounds, known)
+        if ropes is not None and len(lengths) != ropes:
+            raise ValueError(f"length: expected one for each of {ropes} ropes, got {len(lengths)}")
+        return cls(len(lengths), tuple(sorted(lengths, reverse=True)), bounds=bounds, known=known)
 
     def select_common(self) -> Prior:
         """Return the knowledge that also holds for some of the ropes alone."""
