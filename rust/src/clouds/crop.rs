@@ -14,14 +14,20 @@ const ROUNDING: f64 = 1e-12;
 /// Returns the indices of the points of a camera frame that lie in a box of the world frame, faces included.
 ///
 /// Sides may be infinite. A point that is not finite lies in no box.
-pub(crate) fn crop(points: &[Point], pose: &RigidMotion, [low, high]: [Point; 2]) -> Vec<usize> {
-    let inside = |i: &usize| is_inside(pose.apply(points[*i]), [low, high]);
+pub(crate) fn crop(points: &[Point], pose: &RigidMotion, bounds: [Point; 2]) -> Vec<usize> {
+    let bounds = finite(bounds);
+    let inside = |i: &usize| is_inside(pose.apply(points[*i]), bounds);
     parallel::run(|| (0..points.len()).into_par_iter().with_min_len(POINTS_PER_TASK).filter(inside).collect())
 }
 
 #[inline(always)]
 fn is_inside(world: Point, [low, high]: [Point; 2]) -> bool {
-    (0..3).all(|k| world[k].is_finite() && world[k] >= low[k] && world[k] <= high[k])
+    (0..3).all(|k| world[k] >= low[k] && world[k] <= high[k])
+}
+
+/// Returns bounds that no infinite coordinate lies between.
+fn finite(bounds: [Point; 2]) -> [Point; 2] {
+    bounds.map(|corner| corner.map(|x| x.clamp(f64::MIN, f64::MAX)))
 }
 
 /// A depth image and its camera.
@@ -42,6 +48,7 @@ pub struct DepthView<'a> {
 /// One pass over the images; pixels outside the box are not unprojected. The box includes its faces. Infinite bounds
 /// leave a side open. Points that overflow are dropped.
 pub fn crop_images(views: &[DepthView], bounds: [Point; 2]) -> Vec<Vec<Point>> {
+    let bounds = finite(bounds);
     let bands: Vec<(usize, usize, &[f64])> = views
         .iter()
         .enumerate()
@@ -89,23 +96,22 @@ kernel! {
                 let first = (part * 2 * LANES) as f64;
                 let mut z = [0.0; 2 * LANES];
                 z[..depths.len()].copy_from_slice(depths);
-                let mut may = [true; 2 * LANES];
+                let mut out = [false; 2 * LANES];
                 for l in 0..2 * LANES {
                     // products of subnormal numbers lose all their digits
                     let rounding = ROUNDING * (z[l] * steepest + farthest) + f64::MIN_POSITIVE;
                     for k in 0..3 {
                         let world = z[l] * (start[k] + (first + l as f64) * step[k]) + pose.translation[k];
                         // NaN, where a ray is infinite, may be inside
-                        let outside = (world < low[k] - rounding) | (world > high[k] + rounding);
-                        may[l] &= !outside;
+                        out[l] |= (world < low[k] - rounding) | (world > high[k] + rounding);
                     }
-                    may[l] &= z[l] > 0.0;
+                    out[l] |= z[l] <= 0.0;
                 }
-                if may == [false; 2 * LANES] {
+                if out == [true; 2 * LANES] {
                     continue;
                 }
                 for l in 0..2 * LANES {
-                    if may[l] && has_return(z[l]) {
+                    if !out[l] && has_return(z[l]) {
                         let point = camera.point(first + l as f64, v, z[l]);
                         if is_inside(pose.apply(point), [low, high]) {
                             points.push(point);
