@@ -17,7 +17,7 @@ from strand.io.recordings.ros1_bag import Ros1Bag
 from strand.io.recordings.ros2_folder import METADATA, list_storage
 from strand.io.recordings.ros_messages import decode
 from strand.io.recordings.sqlite_bag import SqliteBag
-from strand.io.recordings.unpacking import Limits, is_zstd, unpack_message
+from strand.io.recordings.unpacking import Limits, Work, is_zstd, unpack_message
 from strand.support.files import FileFormatError, open_file
 from strand.support.lazy import lazy_property
 
@@ -117,14 +117,14 @@ class Bag:
         """Yield the messages of some topics in the order of recording."""
         self._require_open()
         for path, storage in self._storages:
-            yield from self._read(path, storage.read_messages(set(topics)))
+            yield from self._read(path, storage.read_messages(set(topics)), self._begin_pass(path))
 
     def read_firsts(self, topics: Collection[str]) -> Iterator[Message]:
         """Yield the first message of each of some topics, in any order, in one pass over the bag."""
         self._require_open()
         left = {topic for topic in topics if self.counts.get(topic)}
         for path, storage in self._storages:
-            for message in self._read(path, storage.read_firsts(left)):
+            for message in self._read(path, storage.read_firsts(left), self._begin_pass(path)):
                 if message.topic in left:
                     left.remove(message.topic)
                     yield message
@@ -152,7 +152,10 @@ class Bag:
         if self._closed:
             raise ValueError(f"{self.path}: the recording is closed")
 
-    def _read(self, path: Path, messages: Iterator[Message]) -> Iterator[Message]:
+    def _begin_pass(self, path: Path) -> Work:
+        return Work(path.stat().st_size, len(self._storages))
+
+    def _read(self, path: Path, messages: Iterator[Message], work: Work) -> Iterator[Message]:
         """Yield messages, decompressed; errors name the last place that was read."""
         last = None
         while True:
@@ -164,6 +167,7 @@ class Bag:
                     raise ValueError(f"a time of {message.time} ns")
                 if is_zstd(message.data) and not self._ros1:
                     data = unpack_message(message.data, self.budget.max_bytes)
+                    work.unpack(len(data))
                     message = Message(message.topic, message.kind, message.time, data)
             last = message.place
             yield message

@@ -47,6 +47,7 @@ _CHANNELS = 1 << 16  # numbers that a channel may have
 _TOPIC_BYTES = 2048  # memory of a topic, and of what readers keep of its first message
 _SCHEMA_BYTES = 256  # memory of a schema beside its name
 _CHUNK_BYTES = 512  # memory of a chunk beside its channels
+_OPEN_BYTES = 2048  # memory of a small chunk while it is open
 _RUN = 1 << 20  # bytes of messages in a row that are read at once
 _NUMBERS = Struct("<HH")  # a channel: its number, and that of its schema
 _STATISTICS_HEAD = Struct("<QHIIIIQQI")  # messages, four counts, chunks, times, length of the counts
@@ -273,7 +274,8 @@ def _order(
     """Return the layout with chunks in the order of time, of which not too many overlap."""
     steps = []
     for chunk in chunks:
-        steps += [(chunk.start, 0, chunk.size), (max(chunk.start, chunk.end), 1, -chunk.size)]
+        held = max(chunk.size, _OPEN_BYTES)
+        steps += [(chunk.start, 0, held), (max(chunk.start, chunk.end), 1, -held)]
     held = 0
     for _, _, change in sorted(steps):
         held += change

@@ -41,6 +41,8 @@ from strand.support.lazy import lazy_property
 
 TOLERANCE = 0.02  # seconds between the views of a frame, at most: half a frame at 25 Hz
 
+_MATCHING = 64  # bytes of a message of the first topic for each topic while frames are found
+_PART = 24  # bytes of a topic's message and colour message in the plan of a frame
 _PLAN_BYTES = 128  # memory of a message's part of the plan while it is made
 _SECOND = 10**9  # nanoseconds
 _MAX_TOLERANCE = 1e9  # seconds: its nanoseconds fit in 64 bits
@@ -364,7 +366,9 @@ class Recording:
                 budget.take(self.path, MESSAGE_BYTES + len(name), message.place)
             frames[message.topic].append(names.setdefault(name, name))
         stamps = [np.array(times[topic], dtype=np.int64) for topic in self.topics]
-        parts = match_messages(stamps, self._tolerance)
+        with budget.hold(self.path, _MATCHING * len(stamps[0]) * len(stamps)):
+            parts = match_messages(stamps, self._tolerance)
+        budget.take(self.path, _PART * parts.size)
         if not len(parts):
             reason = f"no frame: messages of all topics are never within {self._tolerance / _SECOND:g} s"
             raise FileFormatError(self.path, reason, ", ".join(self.topics))

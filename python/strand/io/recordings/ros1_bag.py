@@ -69,9 +69,14 @@ class Ros1Bag:
     def _read(self, wanted: NDArray[np.int64]) -> Iterator[Message]:
         """Yield messages by their numbers; a few chunks are kept, as messages of two may alternate."""
         work = self._limits.begin_pass(self._index.size)
+        left = sum(chunk.size for chunk in self._index.chunks)
         kept: OrderedDict[int, memoryview] = OrderedDict()
         for number in wanted.tolist():
-            yield self._read_message(number, kept, work)
+            message = self._read_message(number, kept, work)
+            left -= len(message.data)
+            if left < 0:
+                raise ValueError("messages lie within others")
+            yield message
 
     def _read_message(self, number: int, kept: OrderedDict[int, memoryview], work: Work) -> Message:
         index = self._index

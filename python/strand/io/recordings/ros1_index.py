@@ -165,13 +165,16 @@ def _read_entries(
         chunks.append(chunk)
     entries = np.frombuffer(raw, dtype=_ENTRY)
     times = entries["sec"] * np.int64(10**9) + entries["nanosec"]
+    numbers_of = _repeat(numbers, counts)
+    if len(np.unique(numbers_of.astype(np.uint64) << np.uint64(32) | entries["place"])) < len(entries):
+        raise ValueError("the index leads to the same message again and again")
     order = np.argsort(times, kind="stable")
     return Index(
         connections,
         tuple(chunks),
         times[order],
         _repeat(keys, counts)[order],
-        _repeat(numbers, counts)[order],
+        numbers_of[order],
         entries["place"][order],
         size,
     )

@@ -21,7 +21,7 @@ _MAX_HEAD = 1 << 16  # bytes of all fields of a record
 _MAX_FIELDS = 64  # fields of a record
 _MAX_KEY = 64  # bytes of the name of a field
 _MAX_NAME = 1024  # bytes of the name of a topic or type
-_MAX_SKIPPED = 1 << 16  # connections in a chunk before a message
+_MAX_SKIPPED = 16  # connections before a message; rosbag writes one
 
 
 class Fields:

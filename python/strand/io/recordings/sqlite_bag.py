@@ -73,10 +73,14 @@ class SqliteBag:
         """
         self._allow_pass()
         wanted = {key for key, (topic, _) in self._names.items() if topic in topics}
-        query = "SELECT topic_id, rowid FROM messages ORDER BY timestamp"
+        query, left = "SELECT topic_id, rowid FROM messages ORDER BY timestamp", self._size
         for key, row in self._base.execute(query):
             if key in wanted and self._names[key][0] in topics:
-                yield self._read_message(row)
+                message = self._read_message(row)
+                left -= len(message.data)
+                if left < 0:
+                    raise ValueError("messages take more bytes than the file")
+                yield message
 
     def read_firsts(self, topics: Collection[str]) -> Iterator[Message]:
         """Yield the first message of each topic."""

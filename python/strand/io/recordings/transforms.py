@@ -15,7 +15,7 @@ from strand.support.checks import Array
 TF_KINDS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _TRANSFORM = 160  # bytes of a transform, with those of its copy in the order of time
 _EDGE = 1024  # bytes of a frame beside its name
-_MAX_STEPS = 256  # frames between a frame and the root; robots have up to about 50
+_MAX_STEPS = 64  # frames between a frame and the root; robots have up to about 50
 _MAX_TRANSLATION = 1e9  # metres: the moon is nearer
 _MAX_NORM_ERROR = 0.01  # how far the norm of a quaternion may be from 1
 _MIN_ANGLE = 1e-6  # radians: below it, interpolation of rotations is linear

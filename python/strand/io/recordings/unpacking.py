@@ -28,9 +28,9 @@ _MIN_WINDOW = 23  # zstd's window in common files, bits of its number of bytes; 
 _MAX_WINDOW = 30  # bits of the number of bytes of zstd's largest window
 # the work that a file may cause
 _RATIO = 1024  # decompressed bytes for each byte of the file
-_SPARE = 1 << 29  # decompressed bytes beyond these
+_SPARE = 1 << 28  # decompressed bytes beyond these
 _RECORD_SHARE = 4  # bytes of the file for each record
-_SPARE_RECORDS = 1 << 17  # records beyond these
+_SPARE_RECORDS = 1 << 14  # records beyond these
 
 
 class Work:

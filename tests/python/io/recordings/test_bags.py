@@ -233,13 +233,13 @@ def test_messages_that_become_too_large_are_refused():
 def test_work_grows_with_the_file():
     for size, files in ((0, 1), (1 << 20, 1), (1 << 20, 8)):
         work = Limits(Budget(1), files).begin_pass(size)
-        work.unpack((1 << 29) // files + 1024 * size)
-        work.count((1 << 17) // files + size // 4)
+        work.unpack((1 << 28) // files + 1024 * size)
+        work.count((1 << 14) // files + size // 4)
         with pytest.raises(
-            ValueError, match="decompresses to more than 536870912 bytes and 1024 for each byte"
+            ValueError, match="decompresses to more than 268435456 bytes and 1024 for each byte"
         ):
             work.unpack(1)
-        with pytest.raises(ValueError, match="has more than 131072 records and one for every 4 bytes"):
+        with pytest.raises(ValueError, match="has more than 16384 records and one for every 4 bytes"):
             work.count(1)
 
 

@@ -102,6 +102,13 @@ def test_invalid_motions_are_refused(bad):
                 make_tree(message)
 
 
+def test_long_chains_are_refused():
+    links = [(str(i), str(i + 1), np.eye(4)) for i in range(65)]
+    make_tree(MADE.tf(links[:64], 0)).find_pose("0", "64", 0)
+    with pytest.raises(ValueError, match="TF has more than 64 frames from '65' to the root"):
+        make_tree(MADE.tf(links, 0)).find_pose("0", "65", 0)
+
+
 def test_memory_is_limited():
     with pytest.raises(ValueError, match="the transforms take more than max_bytes"):
         make_tree(make_many(90), max_bytes=100_000)

@@ -88,6 +88,9 @@ def list_tricks() -> list[Trick]:
         "an index of many places": lambda: _index(make_chunk(FRAME), len(FRAME), 60_000),
         "an index of many channels": lambda: _index(make_chunk(FRAME), len(FRAME), 100, 65_536),
         "an index of overlapping chunks": _overlap,
+        "many chunks at one time": lambda: make_file(
+            TOPICS, *[make_chunk(make_message(1, START, DEPTH))] * 9000
+        ),
         "an index of many messages": lambda: _index(make_chunk(FRAME), len(FRAME), counts={1: 1 << 62}),
     }
     answered: dict[str, Callable[[], bytes]] = {

@@ -32,7 +32,7 @@ from strand import Recording
 
 K = {"intrinsics": np.eye(3)}
 _CODEC = struct.pack("<iff", 0, 0.0, 0.0)  # before the PNG of compressed depth
-_WAITING = 400  # messages of 1 MB that wait for one message of another topic
+_WAITING = 200  # messages of 1 MB that wait for one message of another topic
 
 
 def list_tricks() -> list[Trick]:
