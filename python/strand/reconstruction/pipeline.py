@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from strand._core import NotEnoughDataError
 from strand.config import Config
 from strand.reconstruction.answering import build_model
@@ -120,25 +122,27 @@ def reconstruct(
     hints = _check(radius, bounds, ropes, config, length, previous)
     run = _start(begun, progress, deadline)
     keep_stages = check_bool("keep_stages", keep_stages)
-    extract = extract_views(views, hints.bounds)
-    with explain_errors(extract, hints.radii):
-        refuse_empty(extract, run)
-        refuse_poses_in_other_units(extract)
-        attempt = run.fork()
-        scene, found = _find(extract, hints, attempt)
-    error = find_hand_eye_error(scene.observed, found, hints.config.poses)
-    if error is not None and not run.skips("the correction of a hand-eye error"):
-        again = run.fork()
-        views = [placed(view, view.pose @ error.motion) for view in extract.whole]
-        try:
-            corrected = _find(extract_views(views, hints.bounds), hints, again)
-        except NotEnoughDataError:
-            corrected = None
-        if corrected is not None and _is_surer(corrected[1], found):
-            (scene, found), attempt = corrected, again
-            run.warn("pose", error.reason)
-    run.warnings.extend(attempt.warnings)
-    return build_model(scene, found, hints, run, keep_stages)
+    # whatever the caller set: numbers that underflow are meant to
+    with np.errstate(all="ignore"):
+        extract = extract_views(views, hints.bounds)
+        with explain_errors(extract, hints.radii):
+            refuse_empty(extract, run)
+            refuse_poses_in_other_units(extract)
+            attempt = run.fork()
+            scene, found = _find(extract, hints, attempt)
+        error = find_hand_eye_error(scene.observed, found, hints.config.poses)
+        if error is not None and not run.skips("the correction of a hand-eye error"):
+            again = run.fork()
+            views = [placed(view, view.pose @ error.motion) for view in extract.whole]
+            try:
+                corrected = _find(extract_views(views, hints.bounds), hints, again)
+            except NotEnoughDataError:
+                corrected = None
+            if corrected is not None and _is_surer(corrected[1], found):
+                (scene, found), attempt = corrected, again
+                run.warn("pose", error.reason)
+        run.warnings.extend(attempt.warnings)
+        return build_model(scene, found, hints, run, keep_stages)
 
 
 def _find(extract: Extract, hints: Hints, run: Run) -> tuple[Scene, Found]:

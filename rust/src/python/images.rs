@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 
 use super::arguments::{number, require_same_length};
 use super::arrays::{array, list};
+use super::errors::NotEnoughDataError;
 use super::image_fit::ImageFit;
 use super::released::released;
 use crate::checks::check_positive;
@@ -72,7 +73,7 @@ impl RopeImages {
         })?;
         let views: Option<Vec<Prepared>> = views.into_iter().collect();
         let views =
-            views.ok_or_else(|| PyValueError::new_err("masks: expected pixels of a rope with depth"))?;
+            views.ok_or_else(|| NotEnoughDataError::new_err("masks: no pixels of a rope with depth"))?;
         Ok(Self(Arc::new(Prepareds { views, radius })))
     }
 

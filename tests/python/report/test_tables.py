@@ -47,7 +47,7 @@ def test_accuracy_samples_every_millimetre():
 
 @pytest.mark.parametrize("truth", [LINE[:1], LINE[:, :2], LINE * np.nan])
 def test_accuracy_refuses_wrong_centrelines(truth):
-    with pytest.raises(ValueError, match="truth|points"):
+    with pytest.raises(ValueError, match=r"truth|points"):
         tables.measure_accuracy(Chain(LINE, RADIUS), truth)
 
 

@@ -84,9 +84,12 @@ def _compute_plane_residuals(image: Array, depth: float) -> Array:
 
 
 def find_depth_step(depth: Array) -> float:
-    """Return the distance between neighboring depths of a sensor, metres; 0 where most depths differ."""
+    """Return the distance between neighboring depths of a sensor, metres; 0 if most differ, or none."""
     each = np.unique(depth)
     # depths that were computed from points differ by rounding
     gaps = np.diff(each)
     gaps = gaps[gaps > _ROUNDING * float(each[-1])]
-    return float(np.median(gaps)) if len(gaps) + 1 < _MAX_DISTINCT * len(depth) else 0.0
+    # a single depth shows no step
+    if not 1 < len(gaps) + 1 < _MAX_DISTINCT * len(depth):
+        return 0.0
+    return float(np.median(gaps))

@@ -134,7 +134,7 @@ def read_images(observed: Observed, config: Config, run: Run) -> Interpretation:
                 given = add_lost_pieces(given, table, observed.bounds, radius)
         try:
             views = prepare_views(given, any(observed.masked), table, observed.bounds, radius)
-        except ValueError as error:
+        except NotEnoughDataError as error:
             raise NotEnoughDataError(_NO_ROPE) from error
     images, taken, factor = views.images, views.taken, views.factor
     with run.stage("readings"):

@@ -195,7 +195,7 @@ def _prepare_masks(taken: list[DepthImage], radius: float) -> _Masks | None:
     """Return images with masks as kernels take them; None if no mask shows a rope."""
     try:
         return _Masks(prepare_images(taken, radius), taken)
-    except ValueError:
+    except NotEnoughDataError:
         return None
 
 

@@ -51,7 +51,7 @@ def prepare_images(
 
     Raises
     ------
-    ValueError
+    strand.NotEnoughDataError
         If a mask shows no rope with depth.
     """
     return RopeImages(
@@ -74,7 +74,7 @@ def prepare_views(
 
     Raises
     ------
-    ValueError
+    strand.NotEnoughDataError
         If a mask shows no rope with depth.
     """
     taken, factor = magnify_thin_ropes(given, radius)
