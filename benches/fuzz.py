@@ -7,7 +7,7 @@ for each edge between blocks of code. Each target starts with the inputs in `tes
 `--corpus`, and some at random. Inputs that reach something new go to `--corpus`. An answer that is not finite
 or not within limits ends a target, as do two minutes and 2 GB for one input. That input is kept beside the
 corpus as `NAME-crash-...`, and `--again FILE --only NAME` runs it once more. The exit code is 1 if there are
-crashes. What was found belongs in `tests/data/fuzzing/`, whose inputs `cargo test` runs.
+crashes. Findings belong in `tests/data/fuzzing/`, whose inputs `cargo test` runs.
 """
 
 from __future__ import annotations
@@ -17,12 +17,10 @@ import random
 import re
 import subprocess
 import tempfile
-import time
 from pathlib import Path
 
-from lib.libfuzzer import run_fuzzer
+from lib.libfuzzer import Table, run_fuzzer
 from lib.results import make_parser, run_bench
-from lib.tables import print_head, print_row
 
 ROOT = Path(__file__).resolve().parents[1]
 KEPT = ROOT / "tests" / "data" / "fuzzing"
@@ -68,8 +66,7 @@ def main() -> int:
     if options.again:
         environment = os.environ | {"STRAND_FUZZ_TARGET": options.only[0]}
         return subprocess.run([program, options.again], env=environment, check=False).returncode
-    total, crashes, started = 0, [], time.monotonic()
-    print_head("target", "inputs", "a second", "edges at the start", "at the end", "corpus", "crashes")
+    table = Table("target", "crashes")
     with tempfile.TemporaryDirectory() as parent:
         first = write_random_inputs(Path(parent))
         for name in options.only:
@@ -84,15 +81,8 @@ def main() -> int:
                 seconds=options.seconds,
                 length=LENGTH,
             )
-            total += found.inputs
-            rate = round(found.inputs / found.seconds) if found.seconds else found.inputs
-            counts = (found.inputs, rate, found.before, found.after, found.corpus, int(bool(found.crash)))
-            print_row(name, *(f"{count:,}" for count in counts))
-            crashes += [f"{name}: {found.crash}"] if found.crash else []
-    print(f"\n{total:,} inputs in {(time.monotonic() - started) / 60:.0f} minutes, {len(crashes)} crashes")
-    for crash in crashes:
-        print(f"- {crash}")
-    return int(bool(crashes))
+            table.add(name, found)
+    return table.end()
 
 
 if __name__ == "__main__":

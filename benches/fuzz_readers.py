@@ -15,12 +15,10 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
-from lib.libfuzzer import run_fuzzer
+from lib.libfuzzer import Table, run_fuzzer
 from lib.results import make_parser, run_bench
-from lib.tables import print_head, print_row
 
 BENCHES = Path(__file__).resolve().parent
 READER = (sys.executable, "-m", "lib.fuzzed_reader")
@@ -42,8 +40,7 @@ def main() -> int:
         names = listed.stdout.split()
     findings = options.findings.resolve()
     findings.mkdir(parents=True, exist_ok=True)
-    total, found, started = 0, [], time.monotonic()
-    print_head("file", "inputs", "a second", "edges at the start", "at the end", "corpus", "findings")
+    table = Table("file", "findings")
     for name in names:
         with tempfile.TemporaryDirectory() as folder:
             done = run_fuzzer(
@@ -55,15 +52,8 @@ def main() -> int:
                 seconds=options.seconds,
                 length=LENGTH,
             )
-        total += done.inputs
-        rate = round(done.inputs / done.seconds) if done.seconds else done.inputs
-        counts = (done.inputs, rate, done.before, done.after, done.corpus, int(bool(done.crash)))
-        print_row(name, *(f"{count:,}" for count in counts))
-        found += [f"{name}: {done.crash}"] if done.crash else []
-    print(f"\n{total:,} inputs in {(time.monotonic() - started) / 60:.0f} minutes, {len(found)} findings")
-    for finding in found:
-        print(f"- {finding}")
-    return int(bool(found))
+        table.add(name, done)
+    return table.end()
 
 
 if __name__ == "__main__":

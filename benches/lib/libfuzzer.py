@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import re
 import subprocess
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+from lib.tables import print_head, print_row
 
 SLOWEST = 120  # seconds of one input by the clock, which other programs make longer
 MEMORY = 2048  # MB of the process
@@ -14,7 +17,7 @@ MEMORY = 2048  # MB of the process
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run found.
+    """The counts of a run.
 
     Attributes
     ----------
@@ -83,3 +86,37 @@ def read_output(text: str, code: int) -> Outcome:
     return Outcome(
         inputs, inputs / rate if rate else 0.0, int(first[2]), int(states[-1][2]), int(states[-1][3]), crash
     )
+
+
+class Table:
+    """A table of runs, a row for each.
+
+    Attributes
+    ----------
+    crashes : list of str
+        The names of runs that ended early, and why.
+    """
+
+    def __init__(self, first: str, last: str) -> None:
+        """Print the head; `first` says what runs, and `last` how a run ends early, in plural."""
+        self.crashes: list[str] = []
+        self._ends = last
+        self._inputs = 0
+        self._started = time.monotonic()
+        print_head(first, "inputs", "a second", "edges at the start", "at the end", "corpus", last)
+
+    def add(self, name: str, found: Outcome) -> None:
+        """Print the row of a run."""
+        self._inputs += found.inputs
+        rate = round(found.inputs / found.seconds) if found.seconds else found.inputs
+        counts = (found.inputs, rate, found.before, found.after, found.corpus, int(bool(found.crash)))
+        print_row(name, *(f"{count:,}" for count in counts))
+        self.crashes += [f"{name}: {found.crash}"] if found.crash else []
+
+    def end(self) -> int:
+        """Print the sums, and return the exit code: 1 if a run ended early."""
+        minutes = (time.monotonic() - self._started) / 60
+        print(f"\n{self._inputs:,} inputs in {minutes:.0f} minutes, {len(self.crashes)} {self._ends}")
+        for crash in self.crashes:
+            print(f"- {crash}")
+        return int(bool(self.crashes))

@@ -158,10 +158,10 @@ def _explain_empty_mask(view: View) -> str | None:
 def _explain_unlike_mask(view: View, own: View, bounds: Box | None, radius: float) -> str | None:
     """Say why a mask with depth is unlike one of ropes of a radius, metres; None if it is not.
 
-    `own` is the view inside the extraction range, `bounds`. What is outside does not count.
+    `own` is the view inside the extraction range, `bounds`. Pixels outside do not count.
     """
     image, mask = view.image, view.mask
-    if image is None or mask is None or mask.all():
+    if image is None or mask is None:
         return None
     if np.isnan(image.distance):
         return None
@@ -172,7 +172,8 @@ def _explain_unlike_mask(view: View, own: View, bounds: Box | None, radius: floa
             f"a mask that shows no rope: its largest part has {parts.largest} pixels, and a rope of this "
             f"radius is {2.0 * across:.4g} wide"
         )
-    reason = explain_many_parts(parts)
+    # one that holds the whole image has one piece, which the ropes' own bounds may cut
+    reason = None if mask.all() else explain_many_parts(parts)
     if reason is not None and bounds is not None:
         (inside,) = make_rope_images([own], [view], bounds)
         reason = explain_many_parts(count_mask_parts(inside.mask, across))

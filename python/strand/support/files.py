@@ -118,6 +118,15 @@ def read_bytes(path: str | os.PathLike[str], max_bytes: int) -> bytes:
     return data
 
 
+def read_at(file: BinaryIO, place: int, size: int) -> bytes:
+    """Return the bytes at a place of a file; raise ValueError if it ends before."""
+    file.seek(place)
+    data = file.read(size)
+    if len(data) != size:
+        raise ValueError(f"the file ends {size - len(data)} bytes too early")
+    return data
+
+
 def require_writable(path: str | os.PathLike[str], links: bool = False) -> Path:
     """Raise OSError if `replace_file` cannot write a file later; return its path with links resolved."""
     target = Path(os.path.realpath(path))

@@ -222,6 +222,28 @@ fn factor_rows<const R: usize, const W: usize>(band: &mut [[f64; W]], i: usize) 
     true
 }
 
+/// Solves L x = x in place, when the entries of x before `start` are zero.
+pub(super) fn forward<const W: usize>(band: &[[f64; W]], x: &mut [f64], start: usize) {
+    for k in start..x.len() {
+        x[k] *= band[k][W - 1];
+        let value = x[k];
+        for i in k + 1..x.len().min(k + W) {
+            x[i] -= band[i][k + W - 1 - i] * value;
+        }
+    }
+}
+
+/// Solves Lᵀ x = x in place.
+pub(super) fn backward<const W: usize>(band: &[[f64; W]], x: &mut [f64]) {
+    for i in (0..x.len()).rev() {
+        x[i] *= band[i][W - 1];
+        let value = x[i];
+        for k in i.saturating_sub(W - 1)..i {
+            x[k] -= band[i][k + W - 1 - i] * value;
+        }
+    }
+}
+
 impl<const W: usize> Factor<W> {
     /// Solves for a right-hand side; returns the unknowns of the band and those of the border.
     pub fn solve(&self, band: &[f64], border: &[f64]) -> (Vec<f64>, Vec<f64>) {
@@ -229,13 +251,7 @@ impl<const W: usize> Factor<W> {
         let mut x = band.to_vec();
         // leading zeros of the right-hand side stay zero
         let start = x.iter().position(|&value| value != 0.0).unwrap_or(n);
-        for k in start..n {
-            x[k] *= self.band[k][W - 1];
-            let value = x[k];
-            for i in k + 1..n.min(k + W) {
-                x[i] -= self.band[i][k + W - 1 - i] * value;
-            }
-        }
+        forward(&self.band, &mut x, start);
         let mut rest = DVector::from_column_slice(border);
         for i in start..n {
             for a in 0..m {
@@ -248,13 +264,7 @@ impl<const W: usize> Factor<W> {
                 x[i] -= self.border[i * m + a] * y[a];
             }
         }
-        for i in (0..n).rev() {
-            x[i] *= self.band[i][W - 1];
-            let value = x[i];
-            for k in i.saturating_sub(W - 1)..i {
-                x[k] -= self.band[i][k + W - 1 - i] * value;
-            }
-        }
+        backward(&self.band, &mut x);
         (x, y.iter().copied().collect())
     }
 

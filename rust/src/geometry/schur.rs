@@ -5,7 +5,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use super::banded::{Bordered, Factor, MAX_DIRECT, eliminate};
+use super::banded::{Bordered, Factor, MAX_DIRECT, backward, eliminate, forward};
 
 const TOLERANCE: f64 = 1e-8; // least residual, share of the first
 const MAX_ITERATIONS: usize = 300; // iterations of a solution at most; it takes tens
@@ -78,11 +78,11 @@ impl<const W: usize> Schur<W> {
 
     fn solve(&self, band: &[f64], border: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let mut x = DVector::from_column_slice(band);
-        self.forward(&mut x);
+        forward(&self.band, x.as_mut_slice(), 0);
         let right = DVector::from_column_slice(border) - &self.rows * &x;
         let y = self.solve_border(&right);
         x -= self.rows.tr_mul(&y);
-        self.backward(&mut x);
+        backward(&self.band, x.as_mut_slice());
         (x.iter().copied().collect(), y.iter().copied().collect())
     }
 
@@ -125,28 +125,6 @@ impl<const W: usize> Schur<W> {
             block.solve_mut(&mut found.rows_mut(*first, block.l_dirty().nrows()));
         }
         found
-    }
-
-    /// Solves L x = x in place.
-    fn forward(&self, x: &mut DVector<f64>) {
-        for k in 0..x.len() {
-            x[k] *= self.band[k][W - 1];
-            let value = x[k];
-            for i in k + 1..x.len().min(k + W) {
-                x[i] -= self.band[i][k + W - 1 - i] * value;
-            }
-        }
-    }
-
-    /// Solves Lᵀ x = x in place.
-    fn backward(&self, x: &mut DVector<f64>) {
-        for i in (0..x.len()).rev() {
-            x[i] *= self.band[i][W - 1];
-            let value = x[i];
-            for k in i.saturating_sub(W - 1)..i {
-                x[k] -= self.band[i][k + W - 1 - i] * value;
-            }
-        }
     }
 }
 

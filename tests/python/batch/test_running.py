@@ -193,7 +193,7 @@ def test_a_complete_folder_of_shards_may_be_read_only(recordings, tmp_path, monk
     (tmp_path / ".strand-old.tmp").touch()
     os.utime(tmp_path / ".strand-old.tmp", (0, 0))
 
-    def refused(*_):
+    def refused(*_, **__):
         raise OSError(errno.EROFS, os.strerror(errno.EROFS))
 
     monkeypatch.setattr(shards, "write_json", refused)

@@ -78,6 +78,12 @@ def test_a_net_outside_the_extraction_range_does_not_count():
     assert len(model.chains) == 1
 
 
+def test_a_mask_of_the_whole_image_is_smaller_than_a_wide_rope():
+    whole = view(np.ones(SIZE, dtype=bool))
+    with pytest.raises(strand.NotEnoughDataError, match="a mask that shows no rope"):
+        strand.reconstruct([whole], radius=4.2)
+
+
 def test_other_views_are_used_beside_one_of_a_net():
     x = np.arange(60, 580)
     y = 240 + 100 * np.sin(x / 60)

@@ -45,9 +45,11 @@ def test_accuracy_samples_every_millimetre():
     assert want == pytest.approx(0.1 / np.sqrt(3), rel=0.01)
 
 
-@pytest.mark.parametrize("truth", [LINE[:1], LINE[:, :2], LINE * np.nan])
-def test_accuracy_refuses_wrong_centrelines(truth):
-    with pytest.raises(ValueError, match=r"truth|points"):
+@pytest.mark.parametrize(
+    ("truth", "named"), [(LINE[:1], "points"), (LINE[:, :2], "truth"), (LINE * np.nan, "truth")]
+)
+def test_accuracy_refuses_wrong_centrelines(truth, named):
+    with pytest.raises(ValueError, match=f"^{named}:"):
         tables.measure_accuracy(Chain(LINE, RADIUS), truth)
 
 

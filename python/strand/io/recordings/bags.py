@@ -53,8 +53,8 @@ _STORAGES: dict[str, Callable[[Path, Limits], Storage]] = {
 class Bag:
     """An open `.bag`, `.mcap` or `.db3` file, or folder of a ROS 2 bag.
 
-    At most `max_bytes` of decompressed chunks are in memory at once. What stays while the bag is open, such
-    as its index, takes at most as much.
+    At most `max_bytes` of decompressed chunks are in memory at once. The index and all else that stays while
+    the bag is open takes at most as much.
 
     Attributes
     ----------

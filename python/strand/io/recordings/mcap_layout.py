@@ -30,7 +30,6 @@ from strand.io.recordings.mcap_records import (
     STATISTICS,
     Channel,
     Chunk,
-    read_at,
     read_chunk,
     read_chunk_head,
     read_record,
@@ -38,6 +37,7 @@ from strand.io.recordings.mcap_records import (
     walk_records,
 )
 from strand.io.recordings.unpacking import Limits, Work
+from strand.support.files import read_at
 
 _MAGIC = b"\x89MCAP0\r\n"  # how a file begins and ends
 _FOOTER_BYTES = 29  # of the footer's record

@@ -9,6 +9,7 @@ from typing import BinaryIO, NamedTuple
 from zlib import crc32
 
 from strand.io.recordings.unpacking import Limits, Work, unpack
+from strand.support.files import read_at
 
 # kinds of records
 HEADER = 1
@@ -63,15 +64,6 @@ class Chunk(NamedTuple):
     size: int
     kind: str
     channels: bytes | None
-
-
-def read_at(file: BinaryIO, place: int, size: int) -> bytes:
-    """Return the bytes at a place of a file; raise ValueError if it ends before."""
-    file.seek(place)
-    data = file.read(size)
-    if len(data) != size:
-        raise ValueError(f"the file ends {size - len(data)} bytes too early")
-    return data
 
 
 def read_record(file: BinaryIO, at: int, limit: int) -> tuple[int, int, int]:

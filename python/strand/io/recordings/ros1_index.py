@@ -20,10 +20,10 @@ from strand.io.recordings.ros1_records import (
     Fields,
     normalize_kind,
     normalize_topic,
-    read_at,
     read_record,
 )
 from strand.io.recordings.unpacking import Limits
+from strand.support.files import read_at
 
 _MAGIC = b"#ROSBAG V2.0\n"  # how a bag begins
 _VERSION = 1  # of the index

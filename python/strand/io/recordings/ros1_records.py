@@ -7,6 +7,8 @@ from struct import Struct
 from struct import error as struct_error
 from typing import BinaryIO, NamedTuple
 
+from strand.support.files import read_at
+
 # kinds of records
 MESSAGE = 2
 BAG = 3
@@ -83,15 +85,6 @@ def read_length(data: bytes | memoryview, at: int) -> int:
         return int(LENGTH.unpack_from(data, at)[0])
     except struct_error:
         raise ValueError("the bag ends within a record") from None
-
-
-def read_at(file: BinaryIO, place: int, size: int) -> bytes:
-    """Return the bytes at a place of a file; raise ValueError if it ends before."""
-    file.seek(place)
-    data = file.read(size)
-    if len(data) != size:
-        raise ValueError(f"the bag ends {size - len(data)} bytes too early")
-    return data
 
 
 def read_record(file: BinaryIO, at: int, kind: int) -> Record:

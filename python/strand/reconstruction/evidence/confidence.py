@@ -48,27 +48,23 @@ def assign_doubts(
     named = {id(doubt): numbers for doubt, numbers in about if numbers}
     found: list[list[Doubt]] = [[] for _ in chains]
     boxes = bound_polylines([chain.points for chain in chains])
+    reach = _REACH * np.array([chain.radius for chain in chains])
     for doubt in doubts:
         numbers: Sequence[int] | None = named.get(id(doubt))
         if numbers is None:
             if doubt.place is None or doubt.amount >= _GRAVE:
                 numbers = range(len(chains))
             else:
-                numbers = _find_near(chains, boxes, doubt.place)
+                in_reach = np.flatnonzero(measure_gaps(boxes, doubt.place) <= reach).tolist()
+                numbers = [k for k in in_reach if _is_near(chains[k], doubt.place)]
         for number in numbers:
             found[number].append(doubt)
     return [tuple(own) for own in found]
 
 
-def _find_near(chains: Sequence[Chain], boxes: tuple[Array, Array], place: Array) -> list[int]:
-    """Return the numbers of the chains, in boxes, within reach of a place."""
-    reach = _REACH * np.array([chain.radius for chain in chains])
-    found = []
-    for number in np.flatnonzero(measure_gaps(boxes, place) <= reach).tolist():
-        chain = chains[number]
-        if np.linalg.norm(chain.points - place, axis=1).min() / chain.radius <= _REACH:
-            found.append(number)
-    return found
+def _is_near(chain: Chain, place: Array) -> bool:
+    """Tell whether a node of a chain is within reach of a place."""
+    return bool(np.linalg.norm(chain.points - place, axis=1).min() / chain.radius <= _REACH)
 
 
 def doubt_margin(margin: float) -> float:

@@ -51,7 +51,7 @@ def doubt_ends_beyond_masks(
             back = int(np.searchsorted(from_end, _PLACES[-1] * radius))
             outward = way[0] - way[back]
             outward /= max(float(np.linalg.norm(outward)), np.finfo(float).tiny)
-            near = [int(k) for k in np.flatnonzero(measure_gaps(boxes, way[0]) <= reach)]
+            near = np.flatnonzero(measure_gaps(boxes, way[0]) <= reach).tolist()
             others = [way[from_end > _OWN * radius], *(chains[k] for k in near if k != number)]
             beyond = way[0] + radius * _PLACES[:, None] * outward
             away = _core.find_squared_distances(beyond, np.concatenate(others))

@@ -13,20 +13,21 @@ const CLEAR: f64 = 20.0; // a crossing is not tried again if its two orders alon
 /// depth at one crossing bounds its depth at the next.
 pub fn decide_order(evidence: &Evidence, overlaps: &[Overlap]) -> Vec<(bool, f64)> {
     let many = are_many(evidence, overlaps);
-    let near = |chosen: &[usize]| many.then(|| Stretch::new(evidence, overlaps, chosen));
+    let cut =
+        |of: Vec<usize>| Flip { near: many.then(|| Stretch::new(evidence, overlaps, &of)), of, more: None };
     let cost = |near: &Option<Stretch>, order: &[Option<bool>], rounds| match near {
         Some(near) => near.cost(order, rounds),
         None => evidence.solve(overlaps, order, rounds).1,
     };
+    let mut singles: Vec<Flip> = (0..overlaps.len()).map(|k| cut(vec![k])).collect();
     let mut alone = vec![0.0; overlaps.len()];
     let mut order: Vec<Option<bool>> = vec![None; overlaps.len()];
     let mut start = order.clone();
     for k in 0..overlaps.len() {
         parallel::go_on();
-        let near = near(&[k]);
         let costs = [true, false].map(|first| {
             order[k] = Some(first);
-            cost(&near, &order, 2)
+            cost(&singles[k].near, &order, 2)
         });
         order[k] = None;
         start[k] = Some(costs[0] <= costs[1]);
@@ -37,11 +38,10 @@ pub fn decide_order(evidence: &Evidence, overlaps: &[Overlap]) -> Vec<(bool, f64
     }
     let mut order = start;
     let mut best = cost(&None, &order, 3);
-    let singles = (0..overlaps.len()).filter(|&k| alone[k] < CLEAR).map(|k| vec![k]);
+    singles.retain(|flip| alone[flip.of[0]] < CLEAR);
     let doubles = find_neighbors(overlaps).into_iter().take(MAX_DOUBLE);
     let doubles = doubles.filter(|p| p.iter().all(|&k| alone[k] < CLEAR)).map(|p| p.to_vec());
-    let mut flips: Vec<Flip> =
-        singles.chain(doubles).map(|of| Flip { near: near(&of), of, more: None }).collect();
+    let mut flips: Vec<Flip> = singles.into_iter().chain(doubles.map(cut)).collect();
     let mut margins = alone;
     let mut work = 0;
     for _ in 0..2 * overlaps.len() {

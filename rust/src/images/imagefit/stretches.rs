@@ -17,8 +17,9 @@ pub struct Stretch {
     owned: Vec<f64>,
     start: Vec<f64>,
     sigma: f64,
-    /// The overlaps that lie inside, with their numbers.
-    overlaps: Vec<(usize, Overlap)>,
+    /// The overlaps that lie inside, and their numbers among all.
+    overlaps: Vec<Overlap>,
+    numbers: Vec<usize>,
 }
 
 /// Returns whether overlaps are so many that each is decided by the depths near it.
@@ -52,9 +53,11 @@ impl Stretch {
             start: cut(evidence.start),
             sigma: evidence.sigma,
             overlaps: Vec::new(),
+            numbers: Vec::new(),
             ranges,
         };
-        made.overlaps = (0..overlaps.len()).filter_map(|k| Some((k, made.move_in(&overlaps[k])?))).collect();
+        let inside = (0..overlaps.len()).filter_map(|k| Some((k, made.move_in(&overlaps[k])?)));
+        (made.numbers, made.overlaps) = inside.unzip();
         made
     }
 
@@ -78,13 +81,12 @@ impl Stretch {
 
     /// Returns whether an overlap lies inside.
     pub fn holds(&self, overlap: usize) -> bool {
-        self.overlaps.iter().any(|&(k, _)| k == overlap)
+        self.numbers.contains(&overlap)
     }
 
     /// Returns the cost of an order of all overlaps, by the depths inside.
     pub fn cost(&self, order: &[Option<bool>], rounds: usize) -> f64 {
-        let (numbers, overlaps): (Vec<usize>, Vec<Overlap>) = self.overlaps.iter().cloned().unzip();
-        let order: Vec<Option<bool>> = numbers.iter().map(|&k| order[k]).collect();
+        let order: Vec<Option<bool>> = self.numbers.iter().map(|&k| order[k]).collect();
         let evidence = Evidence {
             profile: &self.profile,
             clear: &self.clear,
@@ -92,6 +94,6 @@ impl Stretch {
             sigma: self.sigma,
             start: &self.start,
         };
-        evidence.solve(&overlaps, &order, rounds).1
+        evidence.solve(&self.overlaps, &order, rounds).1
     }
 }
