@@ -375,8 +375,8 @@ class Recording:
         if self._world is not None:
             placed = [
                 all(
-                    self._find_pose(k, frames[topic][n], times[topic][n]) is not None
-                    for k, (topic, n) in enumerate(zip(self.topics, row.tolist(), strict=True))
+                    self._transforms.has_pose(self._world, frames[topic][n], times[topic][n])
+                    for topic, n in zip(self.topics, row.tolist(), strict=True)
                 )
                 for row in parts
             ]

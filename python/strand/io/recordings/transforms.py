@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import math
 from array import array
+from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from strand.support.checks import Array
 
 TF_KINDS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-_TRANSFORM = 160  # bytes of a transform, with those of its copy in the order of time
+_TRANSFORM = 160  # bytes of a transform, with those of its copy while they are put in order
+_NUMBERS = 7  # of a transform: those of its translation and its quaternion
 _EDGE = 1024  # bytes of a frame beside its name
 _MAX_STEPS = 64  # frames between a frame and the root; robots have up to about 50
+_MAX_PATHS = 64  # paths between two frames that are kept
+_EVER = 1 << 63  # nanoseconds: after all times
 _MAX_TRANSLATION = 1e9  # metres: the moon is nearer
 _MAX_NORM_ERROR = 0.01  # how far the norm of a quaternion may be from 1
 _MIN_ANGLE = 1e-6  # radians: below it, interpolation of rotations is linear
@@ -35,12 +40,75 @@ class _Edge:
         Nanoseconds since 1970.
     values : array of float
         Translation (metres) and unit quaternion x, y, z, w of each transform.
+    ordered : bool
+        Whether the times are in order.
     """
 
     parent: str
     static: bool
     times: array[int] = field(default_factory=lambda: array("q"))
     values: array[float] = field(default_factory=lambda: array("d"))
+    ordered: bool = True
+
+    def order(self) -> None:
+        """Put the transforms in the order of time."""
+        if not self.ordered:
+            times = np.array(self.times)
+            order = np.argsort(times, kind="stable")
+            self.times = array("q", times[order].tobytes())
+            self.values = array("d", np.array(self.values).reshape(-1, _NUMBERS)[order].tobytes())
+            self.ordered = True
+
+    def find(self, time: int) -> tuple[int, int, float]:
+        """Return the transforms before and after a time, and the part of the way from one to the other."""
+        last = len(self.times) - 1
+        if self.static:
+            return last, last, 0.0
+        after = bisect_left(self.times, time)
+        if not 0 < after <= last:
+            after = min(after, last)
+            return after, after, 0.0
+        start, stop = self.times[after - 1], self.times[after]
+        return after - 1, after, (time - start) / (stop - start)
+
+
+class _Path:
+    """The transforms from one frame to another: down from their common ancestor, and up to it.
+
+    Attributes
+    ----------
+    start, stop : int
+        The pose is known from one of these times to the other, nanoseconds since 1970.
+    """
+
+    def __init__(self, down: Sequence[_Edge], up: Sequence[_Edge], beyond: int) -> None:
+        self._edges, self._inverted = (*down, *reversed(up)), len(down)
+        for edge in self._edges:
+            edge.order()
+        moving = [edge for edge in self._edges if not edge.static]
+        self.start = max((edge.times[0] - beyond for edge in moving), default=-_EVER)
+        self.stop = min((edge.times[-1] + beyond for edge in moving), default=_EVER)
+        self._fixed = None if moving else self._compose(0)
+
+    def find_pose(self, time: int) -> Array:
+        """Return the (4, 4) pose at a time."""
+        return self._compose(time) if self._fixed is None else self._fixed.copy()
+
+    def _compose(self, time: int) -> Array:
+        # all transforms at once, as loops in Python take a minute for frames below a long chain
+        befores, afters, parts = array("d"), array("d"), array("d")
+        for edge in self._edges:
+            before, after, part = edge.find(time)
+            befores += edge.values[_NUMBERS * before : _NUMBERS * (before + 1)]
+            afters += edge.values[_NUMBERS * after : _NUMBERS * (after + 1)]
+            parts.append(part)
+        one, other = (np.array(values).reshape(-1, _NUMBERS) for values in (befores, afters))
+        motions = _make_motions(_interpolate(one, other, np.array(parts)[:, None]))
+        motions[: self._inverted] = _invert(motions[: self._inverted])
+        while len(motions) > 1:  # neighbours are multiplied, until one motion is left
+            alone = motions[len(motions) & ~1 :]
+            motions = np.concatenate([motions[:-1:2] @ motions[1::2], alone])
+        return motions[0] if len(motions) else np.eye(4)
 
 
 class Transforms:
@@ -54,7 +122,7 @@ class Transforms:
         self._beyond, self._max_bytes, self._size = beyond, max_bytes, 0
         self._edges: dict[str, _Edge] = {}
         self._parents: set[str] = set()
-        self._sorted: dict[str, tuple[NDArray[np.int64], Array]] = {}
+        self._paths: dict[tuple[str, str], _Path] = {}
 
     @property
     def size(self) -> int:
@@ -68,6 +136,7 @@ class Transforms:
 
     def add(self, message: Any, static: bool) -> None:
         """Add the transforms of a tf2_msgs/TFMessage; raise ValueError if they are invalid or too many."""
+        self._paths.clear()
         for one in message.transforms:
             child, parent = strip_slash(one.child_frame_id), strip_slash(one.header.frame_id)
             if child not in self._edges:
@@ -87,7 +156,9 @@ class Transforms:
                 self._size -= _TRANSFORM * len(edge.times)
                 del edge.times[:], edge.values[:]
             self._take(_TRANSFORM)
-            edge.times.append(read_stamp(one.header))
+            time = read_stamp(one.header)
+            edge.ordered &= not edge.times or edge.times[-1] <= time
+            edge.times.append(time)
             edge.values.extend([*place, *(v / norm for v in turn)])
 
     def _take(self, size: int) -> None:
@@ -95,64 +166,53 @@ class Transforms:
         if self._size > self._max_bytes:
             raise ValueError("the transforms take more than max_bytes")
 
+    def has_pose(self, world: str, frame: str, time: int) -> bool:
+        """Tell whether `find_pose` finds a pose."""
+        path = self._find_path(world, frame)
+        return path.start <= time <= path.stop
+
     def find_pose(self, world: str, frame: str, time: int) -> Array | None:
         """Return the (4, 4) pose of a frame in the world frame at a time, or None if TF has none then.
 
         ValueError is raised if TF lacks one of the frames, or does not connect them.
         """
-        world, frame = strip_slash(world), strip_slash(frame)
+        path = self._find_path(world, frame)
+        return path.find_pose(time) if path.start <= time <= path.stop else None
+
+    def _find_path(self, world: str, frame: str) -> _Path:
+        """Return the path from the world to a frame."""
+        key = world, frame
+        if key not in self._paths:
+            if len(self._paths) == _MAX_PATHS:
+                self._paths.clear()
+            self._paths[key] = self._make_path(strip_slash(world), strip_slash(frame))
+        return self._paths[key]
+
+    def _make_path(self, world: str, frame: str) -> _Path:
         for name in (world, frame):
             if world != frame and name not in self._edges and name not in self._parents:
                 known = self.frames
                 shown = ", ".join(known[:_MAX_LISTED]) + (", ..." if len(known) > _MAX_LISTED else "")
                 raise ValueError(f"no frame {name!r} in TF; there are {shown or 'none'}")
-        above = {name: i for i, name in enumerate(self._list_ancestors(world))}
-        path = self._list_ancestors(frame)
+        above, path = self._list_ancestors(world), self._list_ancestors(frame)
         common = next((name for name in path if name in above), None)
         if common is None:
             raise ValueError(f"TF does not connect {frame!r} and {world!r}")
-        up = self._compose(frame, common, time)
-        down = self._compose(world, common, time)
-        return None if up is None or down is None else np.asarray(_invert(down) @ up)
+        down, up = ([self._edges[name] for name in takewhile(common.__ne__, each)] for each in (above, path))
+        return _Path(down, up, self._beyond)
 
-    def _list_ancestors(self, frame: str) -> list[str]:
-        """Return the frame, its parent, and so on up to the root."""
-        path = [frame]
-        while path[-1] in self._edges:
-            parent = self._edges[path[-1]].parent
-            if parent in path:
-                raise ValueError(f"TF has a circle through {parent!r}")
+    def _list_ancestors(self, frame: str) -> dict[str, None]:
+        """Return the frame, its parent, and so on up to the root, as keys."""
+        path = {frame: None}
+        while frame in self._edges:
+            frame = self._edges[frame].parent
+            if frame in path:
+                raise ValueError(f"TF has a circle through {frame!r}")
             if len(path) > _MAX_STEPS:
-                raise ValueError(f"TF has more than {_MAX_STEPS} frames from {frame!r} to the root")
-            path.append(parent)
+                first = next(iter(path))
+                raise ValueError(f"TF has more than {_MAX_STEPS} frames from {first!r} to the root")
+            path[frame] = None
         return path
-
-    def _compose(self, frame: str, ancestor: str, time: int) -> Array | None:
-        motion = np.eye(4)
-        while frame != ancestor:
-            step = self._find_motion(frame, time)
-            if step is None:
-                return None
-            motion, frame = step @ motion, self._edges[frame].parent
-        return motion
-
-    def _find_motion(self, frame: str, time: int) -> Array | None:
-        """Return the (4, 4) motion to the parent at a time, interpolated between two transforms."""
-        edge = self._edges[frame]
-        if frame not in self._sorted:
-            times = np.array(edge.times, dtype=np.int64)
-            order = np.argsort(times, kind="stable")
-            self._sorted[frame] = times[order], np.array(edge.values).reshape(-1, 7)[order]
-        times, values = self._sorted[frame]
-        if edge.static:
-            return _make_motion(values[-1])
-        if not times[0] - self._beyond <= time <= times[-1] + self._beyond:
-            return None
-        after = int(np.searchsorted(times, time))
-        if after in (0, len(times)) or times[after] == time:
-            return _make_motion(values[min(after, len(times) - 1)])
-        start, stop = int(times[after - 1]), int(times[after])
-        return _make_motion(_interpolate(values[after - 1], values[after], (time - start) / (stop - start)))
 
 
 def strip_slash(name: str) -> str:
@@ -165,34 +225,42 @@ def read_stamp(header: Any) -> int:
     return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
 
 
-def _interpolate(one: Array, other: Array, part: float) -> Array:
-    """Return the translation and quaternion at a `part` of the way, by lerp and slerp."""
-    p, q = one[3:], other[3:]
-    cosine = float(p @ q)
-    q = q if cosine >= 0.0 else -q
-    angle = np.arccos(min(abs(cosine), 1.0))
-    if angle > _MIN_ANGLE:
-        turn = (np.sin((1.0 - part) * angle) * p + np.sin(part * angle) * q) / np.sin(angle)
-    else:
-        turn = (1.0 - part) * p + part * q
-    return np.concatenate([(1.0 - part) * one[:3] + part * other[:3], turn / np.linalg.norm(turn)])
+def _interpolate(one: Array, other: Array, parts: Array) -> Array:
+    """Return the translations and quaternions at (N, 1) parts of the way, by lerp and slerp."""
+    p, q = one[:, 3:], other[:, 3:]
+    cosines = (p * q).sum(axis=1, keepdims=True)
+    q = np.where(cosines < 0.0, -q, q)
+    angles = np.arccos(np.minimum(np.abs(cosines), 1.0))
+    # nearly equal rotations are interpolated linearly
+    curved = angles > _MIN_ANGLE
+    before = np.where(curved, np.sin((1.0 - parts) * angles), 1.0 - parts)
+    after = np.where(curved, np.sin(parts * angles), parts)
+    turns = before * p + after * q
+    turns /= np.sqrt((turns * turns).sum(axis=1, keepdims=True))
+    return np.hstack([(1.0 - parts) * one[:, :3] + parts * other[:, :3], turns])
 
 
-def _make_motion(value: Array) -> Array:
-    """Return the (4, 4) motion of a translation and a unit quaternion x, y, z, w."""
-    motion = np.eye(4)
-    x, y, z, w = value[3:].tolist()
-    motion[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    motion[:3, 3] = value[:3]
-    return motion
+def _make_motions(values: Array) -> Array:
+    """Return (N, 4, 4) motions of translations and unit quaternions x, y, z, w."""
+    motions = np.zeros((len(values), 4, 4))
+    x, y, z, w = values[:, 3:].T
+    motions[:, :3, :3] = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    ).transpose(2, 0, 1)
+    motions[:, :3, 3] = values[:, :3]
+    motions[:, 3, 3] = 1.0
+    return motions
 
 
-def _invert(motion: Array) -> Array:
-    back = np.eye(4)
-    back[:3, :3] = motion[:3, :3].T
-    back[:3, 3] = -motion[:3, :3].T @ motion[:3, 3]
+def _invert(motions: Array) -> Array:
+    """Return the (N, 4, 4) inverse motions."""
+    back = np.zeros_like(motions)
+    turns = motions[:, :3, :3].transpose(0, 2, 1)
+    back[:, :3, :3] = turns
+    back[:, :3, 3:] = -turns @ motions[:, :3, 3:]
+    back[:, 3, 3] = 1.0
     return back

@@ -63,6 +63,35 @@ def test_moving_transforms_are_known_at_their_times_only():
     assert found.find_pose("c", "w", 0) is None
 
 
+@pytest.mark.parametrize("count", [1, 2, 5, 8])
+def test_chains_of_moving_and_static_frames_are_composed(count):
+    made, times = Transforms(0, 1 << 20), (1000, 4000, 2000)
+    rng = np.random.default_rng(count)
+    frames = ["root", *(f"{side}{i}" for side in "ab" for i in range(count))]
+    links = [("root" if i == 0 else f"{side}{i - 1}", f"{side}{i}") for side in "ab" for i in range(count)]
+    for k, link in enumerate(links):
+        for time in times:
+            pose = pose_from_angles(*rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 3))
+            made.add(MADE.tf([(*link, pose)], time), static=k % 3 == 1)
+    for time in (1000, 1300, 2000, 3999, 4000):
+        found = {"root": np.eye(4)}
+        for parent, child in links:
+            found[child] = found[parent] @ made.find_pose(parent, child, time)
+        for world in frames:
+            for frame in frames:
+                want = np.linalg.inv(found[world]) @ found[frame]
+                np.testing.assert_allclose(made.find_pose(world, frame, time), want, rtol=0, atol=1e-12)
+    assert made.has_pose("root", "a0", 1000)
+    assert not made.has_pose("root", "a0", 999)
+
+
+def test_transforms_may_be_added_after_a_search():
+    found = make_tree(MADE.tf([("w", "c", A)], 0))
+    assert found.find_pose("w", "c", 0) is not None
+    found.add(MADE.tf([("w", "c", B)], 1), static=True)
+    np.testing.assert_allclose(found.find_pose("w", "c", 0), B, rtol=0, atol=1e-12)
+
+
 def test_the_last_static_transform_holds():
     found = make_tree(MADE.tf([("w", "c", A)], 0), MADE.tf([("w", "c", B)], 1))
     np.testing.assert_allclose(found.find_pose("w", "c", 0), B, rtol=0, atol=1e-12)
