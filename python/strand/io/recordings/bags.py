@@ -75,12 +75,12 @@ class Bag:
         self.files = paths = _list_files(path)
         if path.is_dir():
             paths = self.files[1:]
-        limits = Limits(self.budget, len(paths))
+        self._limits = Limits(self.budget, len(paths))
         self._storages: list[tuple[Path, Storage]] = []
         try:
             for one in paths:
                 with _convert_errors(one, None):
-                    self._storages.append((one, _STORAGES[one.suffix.lower()](one, limits)))
+                    self._storages.append((one, _STORAGES[one.suffix.lower()](one, self._limits)))
         except BaseException:
             self.close()
             raise
@@ -166,7 +166,7 @@ class Bag:
                 if not 0 <= message.time < _MAX_TIME:
                     raise ValueError(f"a time of {message.time} ns")
                 if is_zstd(message.data) and not self._ros1:
-                    data = unpack_message(message.data, self.budget.max_bytes)
+                    data = unpack_message(message.data, self._limits.max_message)
                     work.unpack(len(data))
                     message = Message(message.topic, message.kind, message.time, data)
             last = message.place

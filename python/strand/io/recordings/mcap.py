@@ -98,6 +98,7 @@ class McapFile:
         if one.topic in topics:
             if one.encoding != "cdr":
                 raise ValueError(f"{one.topic}: expected messages in CDR, got {one.encoding[:40]!r}")
+            self._limits.check_message(len(data))
             yield Message(one.topic, one.kind, time, bytes(data))
 
 

@@ -232,7 +232,7 @@ def _scan(file: BinaryIO, path: Path, limits: Limits, at: int, last: int) -> Lay
             if stop - row.place > _RUN or at != row.stop:
                 keep(row, row.make_chunk(row.place, row.stop - row.place, PLAIN))
                 row = _Run(at)
-            limits.check_part(stop - at)
+            limits.check_message(stop - at)
             _, _, channel, _, time = STAMPED.unpack(read_at(file, at, STAMPED.size))
             row.add(channel, time, stop)
         elif kind in (SCHEMA, CHANNEL):

@@ -86,6 +86,7 @@ class Ros1Bag:
         if (fields.get_number("conn", 4), fields.get_time("time")) != (key, time):
             raise ValueError("the index and a message differ")
         one = index.connections[key]
+        self._limits.check_message(len(data))
         return Message(one.topic, one.kind, time, bytes(data))
 
     def _read_chunk(self, number: int, kept: OrderedDict[int, memoryview], work: Work) -> memoryview:

@@ -91,11 +91,11 @@ class SqliteBag:
 
     def _read_message(self, row: int) -> Message:
         data = "CASE WHEN length(data) <= ? THEN data END"
-        query = f"SELECT topic_id, timestamp, {data} FROM messages WHERE rowid = ?"
-        key, time, data = self._base.execute(query, (self._limits.max_bytes, row)).fetchone()
+        query = f"SELECT topic_id, timestamp, {data}, length(data) FROM messages WHERE rowid = ?"
+        key, time, data, size = self._base.execute(query, (self._limits.max_message, row)).fetchone()
         topic, kind = self._names[key]
-        if data is None:
-            raise ValueError(f"{topic}: a message takes more than max_bytes={self._limits.max_bytes}")
+        if isinstance(size, int):
+            self._limits.check_message(size)
         if not isinstance(data, bytes) or not isinstance(time, int):
             raise ValueError(f"{topic}: a message of another type than bytes")
         return Message(topic, kind, time, data)

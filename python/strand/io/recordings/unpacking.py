@@ -77,6 +77,11 @@ class Limits:
         """The most bytes of a decompressed part."""
         return self.budget.max_bytes
 
+    @property
+    def max_message(self) -> int:
+        """The most bytes of a message: it is in memory beside its part and the message before it."""
+        return self.max_bytes // 2
+
     def begin_pass(self, file_size: int) -> Work:
         """Return the work that a pass over a file may take."""
         return Work(file_size, self.files)
@@ -87,6 +92,11 @@ class Limits:
         if size > most:
             what = f"max_bytes={most}" if most == self.max_bytes else f"the limit of {MAX_PART}"
             raise ValueError(f"a part of the file takes {size} bytes, more than {what}")
+
+    def check_message(self, size: int) -> None:
+        """Raise ValueError if a message has more bytes than fit."""
+        if size > self.max_message:
+            raise ValueError(f"a message takes {size} bytes, more than half of max_bytes={self.max_bytes}")
 
 
 def unpack(kind: str, file: BinaryIO, packed: int, size: int) -> memoryview:

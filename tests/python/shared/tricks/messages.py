@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +34,8 @@ from strand import Recording
 
 K = {"intrinsics": np.eye(3)}
 _CODEC = struct.pack("<iff", 0, 0.0, 0.0)  # before the PNG of compressed depth
+_LINKS = 64  # transforms from the world to a camera
+_FRAMES = 5000  # images of that camera
 _WAITING = 200  # messages of 1 MB that wait for one message of another topic
 
 
@@ -105,9 +109,26 @@ def list_tricks() -> list[Trick]:
         Trick(
             "recording of depth that waits for colours",
             lambda folder: _write(folder, _list_waiting(False)),
-            lambda folder: _read_undecoded(folder),
+            lambda folder: _read_undecoded(folder, _WAITING),
             True,
             SECONDS,
+        ),
+        Trick(
+            "recording of messages that fill their chunks",
+            lambda folder: _write(folder, _list_filling()),
+            lambda folder: _read_undecoded(folder, 2),
+            seconds=SECONDS,
+        ),
+        *(
+            try_recording(
+                f"recording of {name} below a chain of TF",
+                "a.mcap",
+                partial(_hang, leaves),
+                True,
+                world="w",
+                **K,
+            )
+            for name, leaves in {"tiny images": 1, "images of other frames": _FRAMES}.items()
         ),
         Trick(
             "recording of cameras far apart",
@@ -174,10 +195,34 @@ def _list_waiting(apart: bool) -> bytes:
     )
 
 
+def _list_filling() -> bytes:
+    """Return a file of two chunks, which each are one message that nearly takes the limit."""
+    data = pack_image(8, 6, bytes(15 << 20))
+    chunks = [make_chunk(make_message(1, START + i, data), span=(START + i, START + i)) for i in range(2)]
+    return make_file(make_chunk(make_topics({"/0/image": IMAGE})), *chunks)
+
+
+def _hang(leaves: int) -> bytes:
+    """Return a file of tiny images, in turn from some frames of TF, below a chain of moving frames."""
+    names = ["w", *(f"link{i}" for i in range(_LINKS - 1))]
+    pairs = [*pairwise(names), *((names[-1], f"camera{i}") for i in range(leaves))]
+    data = struct.pack("<48H", *[500] * 48)
+    last = START + 10**9
+    messages = [
+        make_message(1, START, pack_transforms(pairs, START)),
+        *(
+            make_message(2, START + i, pack_image(8, 6, data, frame=f"camera{i % leaves}", stamp=START + i))
+            for i in range(_FRAMES)
+        ),
+        make_message(1, last, pack_transforms(pairs, last)),
+    ]
+    return make_file(make_chunk(make_topics({"/tf": TF, "/image": IMAGE}) + b"".join(messages)))
+
+
 def _write(folder: Path, data: bytes) -> None:
     (folder / "a.mcap").write_bytes(data)
 
 
-def _read_undecoded(folder: Path) -> None:
+def _read_undecoded(folder: Path, messages: int) -> None:
     with Recording(folder / "a.mcap", max_bytes=MAX_BYTES, **K) as recording:
-        assert sum(1 for _ in recording.read_undecoded()) == _WAITING
+        assert sum(1 for _ in recording.read_undecoded()) == messages
