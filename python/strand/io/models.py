@@ -33,7 +33,7 @@ def load_model(path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> 
     path : str or path-like
         The JSON file.
     max_bytes : int
-        Largest accepted file, 64 MiB by default. Loading may take 25 times as much memory as the file.
+        Largest accepted file, 64 MiB by default. Loading may take six times as much memory.
 
     Returns
     -------
@@ -83,7 +83,7 @@ def load_frames(path: str | os.PathLike[str]) -> Iterator[tuple[int, int, Model 
             place = f"line {number}"
             if len(line) > JSON_BYTES:
                 raise FileFormatError(path, f"longer than the {JSON_BYTES} bytes that may be read", place)
-            data = parse_json(path, line, place)
+            data = parse_json(path, line, place=place)
             try:
                 frame, stamp = check_integer("frame", data["frame"]), check_integer("stamp", data["stamp"])
                 if "model" not in data:

@@ -24,8 +24,12 @@ from strand.support.extras import import_extra
 from strand.support.rights import copy_rights
 
 JSON_BYTES = 1 << 26  # largest JSON file, bytes; the model of one rope takes 0.2 MB
-TOML_BYTES = 1 << 20  # largest TOML file, bytes; people write these by hand
+TOML_BYTES = 1 << 18  # largest TOML file, bytes; people write these by hand
 
+_GROWTH = 5  # bytes of values for each byte that a JSON file may have; those of models count up to 4.5
+# memory of JSON's values by their marks, bytes: a list, an object, an entry, a key, and half of a text
+_MARKS = {b"[": 80, b"{": 250, b",": 44, b":": 64, b'"': 32}
+_WIDE = 8  # bytes of a letter beyond ASCII, in the text and in a value; the letters around it take as many
 _MAX_REASON = 400  # longest reason in an error, characters: reasons may quote the file
 # a key of more than 32 parts: tomllib's time and memory grow with the square of the number of parts
 _LONG_KEY = re.compile(r"""(?<![\w"'-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){32}""")
@@ -212,17 +216,27 @@ def write_json(path: str | os.PathLike[str], value: object, links: bool = False)
 
 
 def read_json(path: str | os.PathLike[str], max_bytes: int = JSON_BYTES) -> Any:
-    """Read a JSON file of at most `max_bytes`; its values may take 25 times as much memory."""
-    return parse_json(path, read_bytes(path, max_bytes))
+    """Read a JSON file of at most `max_bytes`, with six times as much memory."""
+    return parse_json(path, read_bytes(path, max_bytes), max_bytes)
 
 
-def parse_json(path: str | os.PathLike[str], data: bytes, place: str | None = None) -> Any:
-    """Return the value of JSON text; refuse NaN, Infinity and numbers that overflow, such as 1e999.
+def parse_json(
+    path: str | os.PathLike[str], data: bytes, max_bytes: int = JSON_BYTES, place: str | None = None
+) -> Any:
+    """Return the value of JSON in UTF-8; refuse NaN, Infinity and numbers that overflow, such as 1e999.
 
     `path` is the file of the text, and `place` its place there; without a place, errors name the line.
+    Before anything is decoded, the memory of the values is compared with `max_bytes`, the largest file.
     """
+    size = sum(each * data.count(mark) for mark, each in _MARKS.items())
+    size += 0 if data.isascii() else _WIDE * len(data)
+    if size > _GROWTH * max_bytes:
+        reason = f"its values may take {size} bytes, more than {_GROWTH} for each of max_bytes={max_bytes}"
+        raise FileFormatError(path, reason, place)
     try:
-        return json.loads(data, parse_constant=_refuse_constant, parse_float=_parse_finite)
+        text = data.decode("utf-8-sig")
+        del data
+        return json.loads(text, parse_constant=_refuse_constant, parse_float=_parse_finite)
     except json.JSONDecodeError as error:
         where = place or f"line {error.lineno}"
         raise FileFormatError(path, f"truncated, or not JSON ({error.msg})", where) from error

@@ -31,11 +31,11 @@ def list_tricks() -> list[Trick]:
     """Return the tricks with bags."""
     many = (1 << 32) - 1
     bombs = {"bz2": bz2.compress, "lz4": lz4.frame.compress}
-    zeros = {kind: _later(pack, 1 << 28) for kind, pack in bombs.items()}
+    zeros = {kind: _later(pack, 1 << 26) for kind, pack in bombs.items()}
     near = {kind: _later(pack, 15 << 20) for kind, pack in bombs.items()}
     bags: dict[str, Callable[[], bytes]] = {
         **{
-            f"{kind} of 256 MiB": lambda kind=kind: make_bag([(kind, zeros[kind](), 1 << 28)])
+            f"{kind} of 64 MiB": lambda kind=kind: make_bag([(kind, zeros[kind](), 1 << 26)])
             for kind in bombs
         },
         **{
@@ -164,7 +164,7 @@ def _alternate(packed: bytes) -> bytes:
 
 def _nest() -> bytes:
     """Return a bag of images of which each holds all that follow."""
-    fields, count, total = {"conn": bytes(4), "time": _TIME}, 3000, 15 << 20
+    fields, count, total = {"conn": bytes(4), "time": _TIME}, 3000, 7 << 20
     image = _pack_image()[:-100]
     size = len(pack_ros1(2, fields, image + bytes(4)))
     parts = []
@@ -242,7 +242,7 @@ def _add_messages(base: Any) -> None:
 
 
 def _pack_messages(base: Any) -> None:
-    data = compress("zstd", DEPTH[:-100] + struct.pack("<I", 15 << 20) + bytes(15 << 20))
+    data = compress("zstd", DEPTH[:-100] + struct.pack("<I", 7 << 20) + bytes(7 << 20))
     base.executemany(
         "INSERT INTO messages VALUES (?, 1, ?, ?)", ((i, START - i, data) for i in range(2, 400))
     )

@@ -31,7 +31,7 @@ def list_tricks() -> list[Trick]:
             8, 6, 8, 2, [(b"zTXt", b"a\0\0" + zlib.compress(bytes(1_000_000), 9))] * 60
         ),
         "png of profiles": lambda: make_png(
-            8, 6, 8, 2, [(b"iCCP", b"a\0\0" + zlib.compress(bytes(10**9), 9))]
+            8, 6, 8, 2, [(b"iCCP", b"a\0\0" + zlib.compress(bytes(10**8), 9))]
         ),
         "png of a long row": lambda: make_png(80_000_000, 1, 8, 2),
         "jpeg of large pixels": lambda: make_jpeg(SIDE, SIDE),
@@ -50,8 +50,8 @@ def list_tricks() -> list[Trick]:
         "ppm of another maximum": lambda: b"P6 1500 1500 200 " + bytes(6_750_000),
         "ppm of a comment": lambda: b"P6 #" + b"a" * 7_000_000,
         "ppm of blanks": lambda: b"P6" + b" " * 7_000_000,
-        "webp": lambda: save_image((SIDE, SIDE), "WEBP"),
-        "gif": lambda: save_image((SIDE, SIDE), "GIF"),
+        "webp": lambda: save_image((1000, 1000), "WEBP"),
+        "gif": lambda: save_image((1000, 1000), "GIF"),
     }
     metadata = ("png of texts", "png of profiles", "jpeg of exif tags", "jpeg of mpo tags")
     found = [_try_color(name, make, name in metadata) for name, make in colors.items()]
