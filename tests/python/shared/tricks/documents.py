@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import strand
+from shared.scene_files import CAMERA, save_png
 from shared.tricks import MAX_BYTES, Trick, try_files
 from strand.io.intrinsics import read_intrinsics
 from strand.io.models import load_frames
@@ -52,6 +54,12 @@ def list_tricks() -> list[Trick]:
             lambda file: list(load_frames(file)),
             most=json,
         ),
+        Trick(
+            "toml of many views of one file",
+            _write_views,
+            lambda folder: strand.load_scene(folder, max_bytes=MAX_BYTES),
+            seconds=5.0,
+        ),
         try_files("pinholes of long words", pinholes, "a.json", read_intrinsics, seconds=5.0),
         *(
             try_files(f"toml of {name}", makes, "scene.toml", read, seconds=5.0)
@@ -62,6 +70,14 @@ def list_tricks() -> list[Trick]:
             )
         ),
     ]
+
+
+def _write_views(folder: Path) -> None:
+    """Write a depth image, and a scene that has it again and again, as its own mask too."""
+    save_png(folder / "a.png")
+    view = "[[view]]\nfile = 'a.png'\nmask = 'a.png'\nturntable_deg = 0\n"
+    head = CAMERA + "[turntable]\nangles_deg = [0, 0, 0]\norigin = [0, 0, 0]\n"
+    (folder / "scene.toml").write_text(head + view * ((TOML_BYTES - len(head)) // len(view)))
 
 
 def _repeat(one: bytes, size: int) -> bytes:
