@@ -12,6 +12,7 @@ pub mod overlap;
 pub mod plan;
 pub mod polyline;
 pub mod schur;
+mod slabs;
 pub mod spline;
 pub mod straighten;
 mod vector;

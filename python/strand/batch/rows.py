@@ -147,7 +147,7 @@ def make_model_rows(
             chain,
             model.confidence,
             [text for about, text in warnings if rope in about or not about],
-            [crossing for crossing in crossings if crossing.over[0] == rope],
+            None if crossings is None else [one for one in crossings if one.over[0] == rope],
             up=model.up,
             table=model.table,
             track=track,

@@ -46,8 +46,8 @@ class Row:
         NaN without a model, or if its method has no confidence.
     warnings : sequence of str
         "kind: message" for each warning about this rope or about no rope.
-    crossings : sequence of Crossing
-        The crossings at which this rope is on top.
+    crossings : sequence of Crossing, optional
+        The crossings at which this rope is on top; None if they are too many to list.
     error : str or None
         "Kind: message" if there is no answer.
     up : (3,) ndarray or None
@@ -66,7 +66,7 @@ class Row:
     chain: Chain | None = None
     model_confidence: float = float("nan")
     warnings: Sequence[str] = ()
-    crossings: Sequence[Crossing] = ()
+    crossings: Sequence[Crossing] | None = ()
     error: str | None = None
     up: Array | None = None
     table: Plane | None = None
@@ -178,7 +178,9 @@ def make_record_batch(rows: Sequence[Row], version: str, configuration: str) -> 
         ],
         "warnings": [[_escape_bytes(text) for text in row.warnings] for row in rows],
         "crossings": [
-            None if row.chain is None else [_convert_crossing(crossing) for crossing in row.crossings]
+            None
+            if row.chain is None or row.crossings is None
+            else [_convert_crossing(crossing) for crossing in row.crossings]
             for row in rows
         ],
         "state": [None if rope is None else rope.state for rope in tracked],

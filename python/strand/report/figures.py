@@ -365,7 +365,7 @@ def _find_crossings(model: Model, cloud: Array) -> Array:
     plan = Plan.from_viewpoints(model.poses[:, :3, 3], cloud if len(cloud) else np.zeros((1, 3)))
     towards = plan.signs[2] * np.eye(3)[plan.axes[2]]
     met = list_crossings(model.chains, towards, model.doubts, model.confidence)
-    return np.vstack([np.empty((0, 3)), *(crossing.place for crossing in met)])
+    return np.vstack([np.empty((0, 3)), *(crossing.place for crossing in met or ())])
 
 
 def _write(figure: Figure, path: Path) -> None:

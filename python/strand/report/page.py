@@ -22,7 +22,7 @@ from strand.report.drawn_chains import compute_deviations
 from strand.report.overlay import MAX_CHAINS, draw_overlay
 from strand.report.space_figure import make_space_figure
 from strand.report.tables import count_stages, describe_ends
-from strand.ropes.crossings import list_crossings
+from strand.ropes.crossings import NOT_LISTED, list_crossings
 from strand.ropes.model import Model
 from strand.ropes.summary import say_whether_to_act
 from strand.support.checks import Array, check_clouds
@@ -202,6 +202,8 @@ def _tabulate_crossings(model: Model) -> str:
     if not model.chains:
         return ""
     met = list_crossings(model.chains, model.up, model.doubts, model.confidence)
+    if met is None:
+        return f'<p class="note">The {NOT_LISTED}.</p>'
     rows = [
         (
             *(f"chain {chain} at {1e3 * s:.0f} mm" for chain, s in (one.over, one.under)),

@@ -243,7 +243,7 @@ def _draw_places(pen: Pen, model: Model) -> list[dict[str, Any]]:
         for place, what in ((chain.points[0], "starts"), (chain.points[-1], "ends"))
     ]
     met = list_crossings(model.chains, model.up, model.doubts, model.confidence)
-    crossed = [(crossing.place, str(crossing)) for crossing in met]
+    crossed = [(crossing.place, str(crossing)) for crossing in met or ()]
     doubts = [
         (doubt.place, f"{doubt.kind}, weight {doubt.amount:.3f}: {doubt}")
         for doubt in model.doubts

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand.ropes.chain import Chain
-from strand.ropes.crossings import list_crossings
+from strand.ropes.crossings import NOT_LISTED, list_crossings
 from strand.ropes.model import Model
 from strand.ropes.summary import say_whether_to_act
 from strand.support.checks import check_finite_array
@@ -220,6 +220,8 @@ def describe_ends(chain: Chain) -> str:
 def describe_crossings(model: Model) -> str:
     """Format the crossings seen from above: strands, gap, angle, sign and probability; empty without any."""
     met = list_crossings(model.chains, model.up, model.doubts, model.confidence)
+    if met is None:
+        return NOT_LISTED
     rows = [
         (
             *(f"{chain} at {s * 1e3:.1f}" for chain, s in (one.over, one.under)),

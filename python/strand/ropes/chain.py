@@ -146,7 +146,8 @@ class Chain(Line):
         crossings : (K, 3) array_like of float, optional
             How sure the order at crossings is, as in `strand.knot`: two arc lengths along this chain, metres,
             and a probability each. An empty list means that all are sure. By default they are those of
-            `crossings(direction)`. A chain without covariances, or with over 8,000 nodes, counts as exact.
+            `crossings(direction)`. A chain counts as exact without covariances, or with over 8,000 nodes or
+            10,000 crossings.
         direction : (3,) array_like of float, optional
             From the rope to the viewer of the crossings; `up` by default.
 
@@ -160,7 +161,7 @@ class Chain(Line):
         if crossings is not None or self.covariance is None:
             return name_knot(self.points, self.closed, arc, crossings, direction)
         own = list_crossings([self], direction, self.doubts, self.confidence)
-        rows = [(one.over[1], one.under[1], one.probability) for one in own]
+        rows = [(one.over[1], one.under[1], one.probability) for one in own or ()]
         return name_knot(self.points, self.closed, arc, rows, direction, strict=False)
 
     def shape_error(self, target: Line | ArrayLike) -> ShapeError:

@@ -32,7 +32,11 @@ Places = tuple[NDArray[np.intp], Array]
 # a rope that bends no tighter than its radius needs 3.7 radii to come to lie two radii above itself
 _MIN_BETWEEN = 4.0  # radii of rope between two strands; within less it only bends
 _SIDE_BY_SIDE_SINE = 0.5  # sine of the angle of two strands; below it they run side by side
-_MAX_LISTED = 8_000  # nodes of a model whose crossings are listed
+# a model whose crossings are listed has so many at most: noise has millions
+_MAX_NODES = 8_000
+_MAX_LISTED = 10_000  # crossings of segments, those within bends included
+NOT_LISTED = f"crossings are not listed: there are over {_MAX_NODES:,} nodes or {_MAX_LISTED:,} crossings"
+"""Words for a model of which `list_crossings` returns None."""
 _NEWTON_STEPS = 4  # at most
 _SAME_PLACE = 1e-12  # of a chain's length: nearer places are the same
 
@@ -157,11 +161,13 @@ def find_crossings(
 
 def list_crossings(
     chains: Sequence[Line], direction: ArrayLike, doubts: Sequence[Doubt], confidence: float = math.nan
-) -> tuple[Crossing, ...]:
-    """Return crossings for files, tables and pages; none of long chains, as noise may have millions."""
-    if sum(len(chain.points) for chain in chains) > _MAX_LISTED:
-        return ()
-    return find_crossings(chains, direction, doubts, confidence)
+) -> tuple[Crossing, ...] | None:
+    """Return crossings for files, tables and pages; None if there are too many to list, see `NOT_LISTED`."""
+    if sum(len(chain.points) for chain in chains) > _MAX_NODES:
+        return None
+    plan, _, segments, _, _ = _draw_plan(chains, check_direction("direction", direction))
+    pairs, _, _ = find_crossed_segments(plan, segments, _MAX_LISTED + 1)
+    return None if len(pairs) > _MAX_LISTED else find_crossings(chains, direction, doubts, confidence)
 
 
 def find_free_stretch(
@@ -207,14 +213,22 @@ def _collect_segments(chains: Sequence[Line]) -> tuple[Array, NDArray[np.intp], 
     )
 
 
-def _intersect(chains: Sequence[Line], towards: Array) -> tuple[Places, Places, NDArray[np.int8]]:
-    """Return both places where chains cross in projection, and to which side the second leaves the first."""
+def _draw_plan(
+    chains: Sequence[Line], towards: Array
+) -> tuple[Array, Array, NDArray[np.intp], NDArray[np.intp], Array]:
+    """Return the nodes (N, 2) in projection, its axes (3, 2), and segments as `_collect_segments` does."""
     aside = np.cross(towards, np.eye(3)[np.abs(towards).argmin()])
     aside /= np.linalg.norm(aside)
     basis = np.column_stack([aside, np.cross(towards, aside)])
     nodes, segments, number, arcs = _collect_segments(chains)
     origin = nodes.mean(axis=0) if len(nodes) else np.zeros(3)
-    pairs, shares, turns = find_crossed_segments((nodes - origin) @ basis, segments)
+    return (nodes - origin) @ basis, basis, segments, number, arcs
+
+
+def _intersect(chains: Sequence[Line], towards: Array) -> tuple[Places, Places, NDArray[np.int8]]:
+    """Return both places where chains cross in projection, and to which side the second leaves the first."""
+    plan, basis, segments, number, arcs = _draw_plan(chains, towards)
+    pairs, shares, turns = find_crossed_segments(plan, segments)
     which = number[pairs]
     at = arcs[pairs, 0] + shares * (arcs[pairs, 1] - arcs[pairs, 0])
     radius, length, closed = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -40,7 +40,7 @@ from strand.support.checks import (
     check_small_array,
     freeze_array,
 )
-from strand.support.files import check_suffix, convert_to_json, write_bytes, write_json
+from strand.support.files import JSON_BYTES, check_suffix, convert_to_json, write_bytes, write_json
 from strand.support.lazy import lazy_property
 from strand.views.sensor import Sensor
 
@@ -476,7 +476,7 @@ class Model:
         """
         return make_spheres(self.chains, error)
 
-    def save(self, path: str | os.PathLike[str]) -> None:
+    def save(self, path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> None:
         """Write the model to a file, whole or not at all; an existing file is replaced.
 
         The new file keeps the mode of the old one, and its owner, group and extended attributes where the
@@ -487,20 +487,24 @@ class Model:
         path : str or path-like
             A `.json` holds all but `stages`, and `strand.load_model` reads it back. A `.csv` has a row for
             each node. A `.ply` has the nodes as vertices and a polyline for each rope. Lengths are in metres.
+        max_bytes : int
+            Largest `.json` file, by default the 64 MiB that `strand.load_model` accepts by default.
 
         Raises
         ------
         ValueError
             If the name ends with none of the three.
+        strand.StrandError
+            If a `.json` file would be larger than `max_bytes`.
         OSError
             If the file cannot be written, has hard links or is not a regular file; of the other `save_`
             methods too.
         """
-        kind = check_suffix(path, SUFFIXES)
+        kind, max_bytes = check_suffix(path, SUFFIXES), check_integer("max_bytes", max_bytes, 1)
         if kind != "json":
             write_bytes(path, format_csv(self.chains) if kind == "csv" else format_polylines(self.chains))
             return
-        write_json(path, describe_model(self))
+        write_json(path, _collect_content(self), max_bytes=max_bytes)
 
     def save_tube(self, path: str | os.PathLike[str], sides: int = 16) -> None:
         """Write the ropes' surfaces as one triangle mesh to a PLY file, see `Chain.tube`.
@@ -573,18 +577,21 @@ class Model:
 
 
 def describe_model(model: Model) -> dict[str, Any]:
-    """Return the content of a model's JSON file, in JSON's types, without the large arrays of stages."""
-    content = convert_to_json(replace(model, stages={}))
-    del content["stages"]
-    for chain in content["chains"]:
-        # it is the model's
-        del chain["up"]
-    content["table"] = None if model.table is None else convert_to_json(model.table._asdict())
-    crossings = convert_to_json(list_crossings(model.chains, model.up, model.doubts, model.confidence))
-    return {
-        "format": FORMAT,
-        "version": VERSION,
-        "units": "metres, radians, seconds",
-        **content,
-        "crossings": crossings,
-    }
+    """Return the content of a model's JSON file, in JSON's types."""
+    content: dict[str, Any] = convert_to_json(_collect_content(model))
+    return content
+
+
+def _collect_content(model: Model) -> dict[str, Any]:
+    """Return the content of a model's file, without the large arrays of stages."""
+    content = {entry.name: getattr(model, entry.name) for entry in fields(model) if entry.name != "stages"}
+    # `up` is the model's
+    content["chains"] = [
+        {entry.name: getattr(chain, entry.name) for entry in fields(chain) if entry.name != "up"}
+        for chain in model.chains
+    ]
+    content["table"] = None if model.table is None else model.table._asdict()
+    crossings = list_crossings(model.chains, model.up, model.doubts, model.confidence)
+    if crossings is not None:
+        content["crossings"] = crossings
+    return {"format": FORMAT, "version": VERSION, "units": "metres, radians, seconds", **content}

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from strand.ropes.chain import Chain
-from strand.ropes.crossings import Crossing
+from strand.ropes.crossings import NOT_LISTED, Crossing
 from strand.ropes.doubt import Doubt
 
 ACT_CONFIDENCE = 0.9
@@ -30,12 +30,18 @@ def say_whether_to_act(confidence: float) -> str:
 
 
 def summarize(
-    confidence: float, chains: Sequence[Chain], crossings: Sequence[Crossing], doubts: Sequence[Doubt]
+    confidence: float,
+    chains: Sequence[Chain],
+    crossings: Sequence[Crossing] | None,
+    doubts: Sequence[Doubt],
 ) -> str:
-    """Return lines: whether to act, each chain, each crossing, and the greatest doubts."""
+    """Return lines: whether to act, each chain, each crossing, and the greatest doubts.
+
+    `crossings` is None if they are too many to list.
+    """
     lines = [say_whether_to_act(confidence)]
     lines += [f"chain {number}: {chain!r}" for number, chain in enumerate(chains)]
-    lines += map(str, crossings)
+    lines += [NOT_LISTED] if crossings is None else map(str, crossings)
     lines += map(str, doubts[:_MAX_DOUBTS])
     if len(doubts) > _MAX_DOUBTS:
         lines.append(f"further doubts: {len(doubts) - _MAX_DOUBTS}")

@@ -30,6 +30,7 @@ _GROWTH = 5  # bytes of values for each byte that a JSON file may have; those of
 # memory of JSON's values by their marks, bytes: a list, an object, an entry, a key, and half of a text
 _MARKS = {b"[": 80, b"{": 250, b",": 44, b":": 64, b'"': 32}
 _WIDE = 8  # bytes of a letter beyond ASCII, in the text and in a value; the letters around it take as many
+_PIECE = 4096  # entries of a list that are written at once
 _MAX_REASON = 400  # longest reason in an error, characters: reasons may quote the file
 # a key of more than 32 parts: tomllib's time and memory grow with the square of the number of parts
 _LONG_KEY = re.compile(r"""(?<![\w"'-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){32}""")
@@ -116,8 +117,9 @@ def _require_regular(path: str | os.PathLike[str], mode: int) -> None:
 def read_bytes(path: str | os.PathLike[str], max_bytes: int) -> bytes:
     """Return the bytes of a regular file; refuse more than `max_bytes`."""
     with open_file(path) as file:
-        data = file.read(min(os.fstat(file.fileno()).st_size, max_bytes) + 1)
-    if len(data) > max_bytes:
+        size = os.fstat(file.fileno()).st_size
+        data = b"" if size > max_bytes else file.read(size + 1)
+    if max(size, len(data)) > max_bytes:
         raise FileFormatError(path, f"larger than the {max_bytes} bytes that may be read")
     return data
 
@@ -198,7 +200,9 @@ def convert_to_json(value: Any) -> Any:
     if is_dataclass(value):
         return {entry.name: convert_to_json(getattr(value, entry.name)) for entry in fields(value)}
     if isinstance(value, (np.ndarray, np.generic)):
-        return convert_to_json(value.tolist())
+        listed = value.tolist()
+        whole = value.dtype.kind in "biuf" and not np.isnan(value).any()
+        return listed if whole else convert_to_json(listed)
     if isinstance(value, dict):
         return {key: convert_to_json(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
@@ -206,13 +210,56 @@ def convert_to_json(value: Any) -> Any:
     return None if isinstance(value, float) and math.isnan(value) else value
 
 
-def write_json(path: str | os.PathLike[str], value: object, links: bool = False) -> None:
-    """Write a JSON file atomically; NaN and infinity raise ValueError, as JSON has neither."""
-    try:
-        text = json.dumps(value, allow_nan=False)
-    except ValueError as error:
-        raise ValueError(f"{path}: cannot be written as JSON ({error})") from error
-    write_bytes(path, text.encode() + b"\n", links)
+def write_json(
+    path: str | os.PathLike[str], value: object, links: bool = False, max_bytes: int = JSON_BYTES
+) -> None:
+    """Write a value to a JSON file atomically, as `convert_to_json` converts it, in little memory.
+
+    Infinity raises ValueError, as JSON has none. A file that `read_json` would refuse raises StrandError.
+    """
+    values = 0
+    with replace_file(path, links) as file:
+        try:
+            for text in _encode(value):
+                data = text.encode()
+                file.write(data)
+                values += _estimate_values(data)
+                if file.tell() >= max_bytes or values > _GROWTH * max_bytes:
+                    reason = f"the file would be larger than max_bytes={max_bytes} allows"
+                    raise StrandError(f"{os.fspath(path)}: {reason}")
+        except ValueError as error:
+            raise ValueError(f"{path}: cannot be written as JSON ({error})") from error
+        file.write(b"\n")
+
+
+def _encode(value: Any) -> Iterator[str]:
+    """Yield the JSON of a value in pieces; keys are strings."""
+    if isinstance(value, dict) and value:
+        before = "{"
+        for key, entry in value.items():
+            yield f"{before}{json.dumps(key)}: "
+            yield from _encode(entry)
+            before = ", "
+        yield "}"
+    elif isinstance(value, list) and any(isinstance(entry, dict) for entry in value):
+        before = "["
+        for entry in value:
+            yield before
+            yield from _encode(entry)
+            before = ", "
+        yield "]"
+    elif isinstance(value, np.ndarray) and len(value) > _PIECE:
+        before = "["
+        for start in range(0, len(value), _PIECE):
+            yield before + _dump(value[start : start + _PIECE])[1:-1]
+            before = ", "
+        yield "]"
+    else:
+        yield _dump(value)
+
+
+def _dump(value: Any) -> str:
+    return json.dumps(convert_to_json(value), allow_nan=False)
 
 
 def read_json(path: str | os.PathLike[str], max_bytes: int = JSON_BYTES) -> Any:
@@ -228,8 +275,7 @@ def parse_json(
     `path` is the file of the text, and `place` its place there; without a place, errors name the line.
     Before anything is decoded, the memory of the values is compared with `max_bytes`, the largest file.
     """
-    size = sum(each * data.count(mark) for mark, each in _MARKS.items())
-    size += 0 if data.isascii() else _WIDE * len(data)
+    size = _estimate_values(data)
     if size > _GROWTH * max_bytes:
         reason = f"its values may take {size} bytes, more than {_GROWTH} for each of max_bytes={max_bytes}"
         raise FileFormatError(path, reason, place)
@@ -242,6 +288,12 @@ def parse_json(
         raise FileFormatError(path, f"truncated, or not JSON ({error.msg})", where) from error
     except (ValueError, RecursionError) as error:
         raise FileFormatError(path, f"truncated, or not JSON ({error})", place) from error
+
+
+def _estimate_values(data: bytes) -> int:
+    """Return the memory of the values of JSON in UTF-8, bytes."""
+    size = sum(each * data.count(mark) for mark, each in _MARKS.items())
+    return size if data.isascii() else size + _WIDE * len(data)
 
 
 def _refuse_constant(name: str) -> None:

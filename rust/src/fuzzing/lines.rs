@@ -70,7 +70,7 @@ fn follow_plans(nodes: &[Point], distance: f64, apart: f64) {
     assert_eq!(find_overlaps(&places, distance, apart).len(), nodes.len());
     let plan: Vec<[f64; 2]> = nodes.iter().map(|p| [p[0], p[1]]).collect();
     let segments: Vec<[usize; 2]> = (1..plan.len()).map(|i| [i - 1, i]).collect();
-    let found = find_crossings(&plan, &segments).unwrap();
+    let found = find_crossings(&plan, &segments, usize::MAX).unwrap();
     assert!(found.is_sorted_by_key(|one| one.pair));
     for one in found {
         assert!(one.pair[0] + 1 < one.pair[1] && one.turn.abs() == 1);

@@ -8,7 +8,7 @@
 
 use std::collections::TryReserveError;
 
-use super::boxes::{Bounds, BoxTree};
+use super::slabs::SlabTree;
 use crate::parallel::go_on;
 
 const STEPS: f64 = (1_u64 << 30) as f64; // steps of the lattice across the plan's extent
@@ -23,32 +23,43 @@ pub struct Crossed {
     pub turn: i8,
 }
 
-/// Finds all pairs of segments that cross, in order. Segments that share a node do not cross.
+/// Finds the pairs of segments that cross, in order, all of them or `most` of them. Segments that share a node do not
+/// cross.
 ///
 /// # Panics
 /// If a segment names a node that does not exist.
-pub fn find_crossings(nodes: &[[f64; 2]], segments: &[[usize; 2]]) -> Result<Vec<Crossed>, TryReserveError> {
+pub fn find_crossings(
+    nodes: &[[f64; 2]],
+    segments: &[[usize; 2]],
+    most: usize,
+) -> Result<Vec<Crossed>, TryReserveError> {
     let Some(places) = snap_to_lattice(nodes) else { return Ok(Vec::new()) };
-    // boxes without height; whole numbers of this size are exact in f64
-    let ends = |&segment: &[usize; 2]| segment.map(|k| [places[k][0] as f64, places[k][1] as f64, 0.0]);
-    let tree = BoxTree::new(segments.iter().map(ends));
+    // whole numbers of this size are exact in f64
+    let ends = |&segment: &[usize; 2]| segment.map(|k| places[k].map(|x| x as f64));
+    let tree = SlabTree::new(&segments.iter().map(ends).collect::<Vec<_>>());
     let (mut found, mut short) = (Vec::new(), None);
-    for (i, one) in segments.iter().enumerate() {
-        if i % 256 == 0 {
+    for rank in 0..tree.len() {
+        if rank % 256 == 0 {
             go_on();
         }
-        tree.any(&Bounds::about(&ends(one)), i + 1, |j| {
-            let Some((shares, turn)) = cross_segments(&places, *one, segments[j]) else { return false };
+        let stops = tree.any_pair(rank, |i, j| {
+            let Some((shares, turn)) = cross_segments(&places, segments[i], segments[j]) else {
+                return false;
+            };
             short = found.try_reserve(1).err();
-            if short.is_none() {
+            if short.is_none() && found.len() < most {
                 found.push(Crossed { pair: [i, j], shares, turn });
             }
-            short.is_some()
+            short.is_some() || found.len() == most
         });
         if let Some(short) = short {
             return Err(short);
         }
+        if stops {
+            break;
+        }
     }
+    found.sort_unstable_by_key(|one| one.pair);
     Ok(found)
 }
 

@@ -112,7 +112,7 @@ pub(super) fn find_overlaps<'py>(
     list(py, released_if_many(py, effort, move || overlap::find_overlaps(&places, distance, apart))?)
 }
 
-/// Find all pairs of segments that cross in a plan, exactly.
+/// Find the pairs of segments that cross in a plan, exactly.
 ///
 /// A line through a node of another crosses that line once. A line that touches another crosses it twice at the same
 /// place, or never. Segments that share a node do not cross.
@@ -123,6 +123,8 @@ pub(super) fn find_overlaps<'py>(
 ///     Places in the plan.
 /// segments : (S, 2) ndarray of int64
 ///     The first and the last node of each segment.
+/// most : int, optional
+///     Number of pairs after which the search stops; None finds all.
 ///
 /// Returns
 /// -------
@@ -133,10 +135,12 @@ pub(super) fn find_overlaps<'py>(
 /// turns : (K,) ndarray of int8
 ///     1 if the second segment crosses the first from right to left, else -1.
 #[pyfunction]
+#[pyo3(signature = (nodes, segments, most = None))]
 pub(super) fn find_crossed_segments<'py>(
     py: Python<'py>,
     nodes: &Bound<'py, PyAny>,
     segments: &Bound<'py, PyAny>,
+    most: Option<usize>,
 ) -> PyResult<Crossings<'py>> {
     let (places, segments) =
         (Array::<f64>::exactly("nodes", nodes, 2)?, Array::<i64>::exactly("segments", segments, 2)?);
@@ -149,7 +153,8 @@ pub(super) fn find_crossed_segments<'py>(
     let segments = segments.ok_or_else(|| {
         PyValueError::new_err(format!("segments: expected numbers of {} nodes", places.len()))
     })?;
-    let found = released_if_many(py, segments.len(), move || plan::find_crossings(&places, &segments))?;
+    let most = most.unwrap_or(usize::MAX);
+    let found = released_if_many(py, segments.len(), move || plan::find_crossings(&places, &segments, most))?;
     let found = found.map_err(|_| PyMemoryError::new_err("segments: no memory for all that cross"))?;
     let pairs = found.iter().flat_map(|each| each.pair.map(|k| k as i64)).collect();
     let shares = found.iter().flat_map(|each| each.shares).collect();

@@ -15,8 +15,10 @@ from lib.bag_files import START, Messages, record_film, write_bag
 from shared import occluded
 from shared.batch_recordings import SETTINGS, save_scenes
 from shared.occluded import GRIPPER, make_view
+from shared.ropes import make_zigzags
 from strand.batch import Settings, find_units, load_models, load_table, make_rows, make_schema, write_summary
-from strand.batch.table import VARYING_COLUMN
+from strand.batch.rows import make_model_rows
+from strand.batch.table import VARYING_COLUMN, make_record_batch
 from strand.batch.work import ShardCounts, Work
 from strand.ropes.crossings import list_crossings
 
@@ -97,6 +99,13 @@ def test_rows_hold_labels_colours_and_hidden_ends(tmp_path):
     (row,) = make_rows(only(tmp_path / "held.npz", Settings()), Settings()).to_pylist()
     assert (row["label"], row["hidden_ends"]) == (7, [False, True])
     np.testing.assert_allclose(np.multiply(255.0, row["color"]), (200.0, 40.0, 40.0), atol=6.0)
+
+
+def test_crossings_that_are_too_many_to_list_are_null():
+    for nodes, listed in ((20, True), (200, False)):
+        rows = list(make_model_rows("a", 0, None, make_zigzags(nodes), 0.1))
+        batch = make_record_batch(rows, strand.__version__, "")
+        assert [row["crossings"] is not None for row in batch.to_pylist()] == [listed, listed]
 
 
 def test_frames_of_a_recording_have_numbers_and_times(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from pathlib import Path
 
 import jsonschema
@@ -12,8 +13,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import strand
-from shared.ropes import draw_circle
+from shared.ropes import draw_circle, make_zigzags
 from strand import Chain, Model
+from strand.ropes.crossings import NOT_LISTED
 from strand.ropes.doubt import ModelWarning
 
 
@@ -62,10 +64,58 @@ def test_labels_colours_and_hidden_ends_survive_and_older_files_have_none(tmp_pa
     for name in ("label", "color", "hidden_ends"):
         del data["chains"][0][name]
     path.write_text(json.dumps(data))
-    schema = Path(__file__).parents[3] / "docs" / "model.schema.json"
-    jsonschema.Draft202012Validator(json.loads(schema.read_text())).validate(json.loads(path.read_text()))
+    validate(path)
     (older,) = strand.load_model(path).chains
     assert (older.label, older.color, older.hidden_ends) == (None, None, (False, False))
+
+
+def validate(path):
+    """Return the content of a model's file that keeps to the schema."""
+    schema = Path(__file__).parents[3] / "docs" / "model.schema.json"
+    content = json.loads(path.read_text())
+    jsonschema.Draft202012Validator(json.loads(schema.read_text())).validate(content)
+    return content
+
+
+def test_a_model_with_too_many_crossings_to_list_is_saved_and_loaded(tmp_path):
+    path, model = tmp_path / "model.json", make_zigzags(500)
+    begun = time.process_time()
+    model.save(path)
+    loaded = strand.load_model(path)
+    assert time.process_time() - begun < 4.0
+    for one, other in zip(loaded.chains, model.chains, strict=True):
+        np.testing.assert_array_equal(one.points, other.points)
+    # an empty list would say that nothing crosses
+    assert "crossings" not in validate(path)
+    assert NOT_LISTED in model.summary()
+
+
+def test_crossings_in_an_older_file_are_those_that_the_model_finds(tmp_path):
+    path, model = tmp_path / "model.json", make_zigzags(20)
+    model.save(path)
+    content = validate(path)
+    assert [one["over"] for one in content["crossings"]] == [list(one.over) for one in model.crossings()]
+    # older files list all crossings, or none of many nodes
+    for listed in (3 * content["crossings"], []):
+        path.write_text(json.dumps(content | {"crossings": listed}))
+        validate(path)
+        assert len(strand.load_model(path).crossings()) == len(content["crossings"])
+
+
+def test_what_is_saved_is_no_larger_than_what_may_be_loaded(tmp_path):
+    path, turns = tmp_path / "model.json", np.linspace(0.1, 9.0, 200)
+    model = Model(
+        (Chain(np.column_stack([np.log(turns), np.sin(turns), np.sqrt(turns)]), 0.01),), np.eye(4)[None]
+    )
+    model.save(path)
+    size = path.stat().st_size
+    model.save(path, max_bytes=size)
+    assert len(strand.load_model(path, max_bytes=size).chains) == 1
+    with pytest.raises(strand.StrandError, match=f"larger than max_bytes={size - 1}"):
+        model.save(tmp_path / "other.json", max_bytes=size - 1)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["model.json"]
+    with pytest.raises(strand.FileFormatError, match=f"larger than the {size - 1} bytes"):
+        strand.load_model(path, max_bytes=size - 1)
 
 
 def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from fractions import Fraction
 
 import numpy as np
@@ -73,6 +74,30 @@ def test_a_line_through_a_node_crosses_once_and_one_that_touches_it_evenly():
         pairs, _, turns = find_crossed_segments(np.array(bent + other), lines(3, len(other)))
         assert len(pairs) % 2 == count
         assert abs(turns.sum()) == count
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.35, np.pi / 4, -np.pi / 4])
+def test_long_slanted_strokes_side_by_side_take_little_time(angle):
+    count = 40_000
+    strokes = np.column_stack([np.arange(count) % 2.0, np.linspace(0.0, 1.0, count)])
+    turned = strokes @ [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+    across = np.array([[0.5, -0.1], [0.5, 1.1]]) @ [
+        [np.cos(angle), np.sin(angle)],
+        [-np.sin(angle), np.cos(angle)],
+    ]
+    begun = time.process_time()
+    pairs, _, _ = find_crossed_segments(np.concatenate([turned, across]), lines(count, 2))
+    assert time.process_time() - begun < 3.0
+    assert pairs.tolist() == [[k, count - 1] for k in range(count - 1)]
+
+
+def test_the_search_stops_after_as_many_pairs_as_asked_for():
+    nodes = np.random.default_rng(0).normal(size=(60, 2))
+    found, _, _ = find_crossed_segments(nodes, lines(60))
+    for most in (0, 1, len(found) - 1, len(found), len(found) + 1):
+        pairs, shares, turns = find_crossed_segments(nodes, lines(60), most)
+        assert len(pairs) == len(shares) == len(turns) == min(most, len(found))
+        assert {tuple(pair) for pair in pairs.tolist()} <= {tuple(pair) for pair in found.tolist()}
 
 
 def test_nothing_crosses_in_a_plan_without_extent():

@@ -17,9 +17,10 @@ from PIL import Image
 
 import strand
 from shared.browser import start_chromium
-from shared.ropes import draw_circle
+from shared.ropes import draw_circle, make_zigzags
 from strand.figures import write_report
 from strand.report import drawn_chains, page, space_figure
+from strand.ropes.crossings import NOT_LISTED
 from strand.ropes.doubt import Doubt, Join, ModelWarning
 
 LIMIT = 5_000_000  # bytes
@@ -208,6 +209,11 @@ def test_the_page_is_small_for_any_model(tmp_path):
     assert "16 of 20 views are shown. The 50 longest of 220 chains are drawn." in (
         tmp_path / "a.html"
     ).read_text("utf-8")
+
+
+def test_the_page_says_that_crossings_are_too_many_to_list(tmp_path):
+    write_report(make_zigzags(200), [strand.View(np.array([[0.0, 0.0, 1.0]]))], tmp_path / "a.html")
+    assert NOT_LISTED in (tmp_path / "a.html").read_text("utf-8")
 
 
 @pytest.mark.parametrize("chains", [(), (draw_circle(0.05, 40, True),), (draw_circle(0.05, 40, False),) * 3])

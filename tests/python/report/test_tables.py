@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import strand
+from shared.ropes import make_zigzags
 from strand import Chain, Model
 from strand.report import tables
+from strand.ropes.crossings import NOT_LISTED
 from strand.ropes.doubt import Doubt
 
 LINE = np.stack([np.linspace(0.0, 0.2, 41), np.zeros(41), np.zeros(41)], axis=1)
@@ -172,3 +174,7 @@ def test_chains_with_confidence():
         "Do not act on it: the ropes run as the chains say with probability 0.49."
     )
     assert tables.describe_confidence(make_model(LINE)).startswith("Check it: ")
+
+
+def test_crossings_that_are_too_many_to_list_are_not_passed_over_in_silence():
+    assert tables.describe_crossings(make_zigzags(200)) == NOT_LISTED

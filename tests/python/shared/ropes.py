@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import strand
-from strand import Chain
+from strand import Chain, Model
 from strand.geometry.curve import Curve
 from strand.synthetic import camera_pose, render_depth, sense
 
@@ -76,6 +76,14 @@ def draw_circle(radius: float, nodes: int, closed: bool) -> Chain:
     return Chain(
         np.stack([radius * np.cos(angle), radius * np.sin(angle), 0.1 * angle * 0], axis=1), 0.004, closed
     )
+
+
+def make_zigzags(nodes: int) -> Model:
+    """Return a model of two chains that cross in nearly all pairs of their segments."""
+    along, across = np.linspace(0.0, 1.0, nodes), np.arange(nodes) % 2.0
+    low = np.column_stack([along, across, np.zeros(nodes)])
+    high = np.column_stack([across, along, np.full(nodes, 0.01)])
+    return Model((Chain(low, 1e-4), Chain(high, 1e-4)), np.eye(4)[None])
 
 
 def measure_max_distance(chain, truth):

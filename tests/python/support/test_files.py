@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import pickle
 import re
@@ -16,6 +17,7 @@ import pytest
 
 from strand import FileFormatError, StrandError
 from strand.support.files import (
+    convert_to_json,
     open_file,
     read_bytes,
     read_json,
@@ -202,10 +204,38 @@ def test_json_comes_back(tmp_path):
     assert read_json(tmp_path / "a.json") == value
 
 
-@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
-def test_write_json_refuses_nan_and_infinity(tmp_path, number):
-    with pytest.raises(ValueError, match=r"a\.json"):
-        write_json(tmp_path / "a.json", {"a": number})
+def test_json_written_in_pieces_is_the_same_text(tmp_path):
+    rows = np.arange(30_000.0).reshape(-1, 3)
+    rows[9999, 1] = np.nan
+    value = {
+        "rows": rows,
+        "objects": [{"a": rows[:2], "none": {}}, {"b": np.arange(5000)}],
+        "empty": [(), [], rows[:0]],
+        "one": np.float32(0.5),
+    }
+    write_json(tmp_path / "a.json", value)
+    assert (tmp_path / "a.json").read_text() == json.dumps(convert_to_json(value)) + "\n"
+
+
+def test_json_of_exactly_the_limit_is_written_and_read(tmp_path):
+    text, lists = 17 * "a", 1000 * [[]]
+    write_json(tmp_path / "a.json", text, max_bytes=20)
+    assert read_json(tmp_path / "a.json", 20) == text
+    # lists take little space in the file and much memory
+    for value, size in ((text, 19), (lists, 20_000)):
+        with pytest.raises(StrandError, match=rf"a\.json: the file would be larger than max_bytes={size} "):
+            write_json(tmp_path / "a.json", value, max_bytes=size)
+    assert read_json(tmp_path / "a.json") == text
+    write_json(tmp_path / "a.json", lists)
+    with pytest.raises(FileFormatError, match="max_bytes=20000"):
+        read_json(tmp_path / "a.json", 20_000)
+
+
+@pytest.mark.parametrize("number", [np.inf, -np.inf])
+def test_write_json_refuses_infinity(tmp_path, number):
+    for value in ({"a": number}, {"a": np.full((9000, 2), number)}):
+        with pytest.raises(ValueError, match=r"a\.json"):
+            write_json(tmp_path / "a.json", value)
     assert not list(tmp_path.iterdir())
 
 
@@ -267,6 +297,10 @@ def test_no_more_is_read_than_allowed(tmp_path):
     assert read_bytes(tmp_path / "a", 5) == b"12345"
     with pytest.raises(FileFormatError, match="a: larger than the 4 bytes that may be read"):
         read_bytes(tmp_path / "a", 4)
+    with open(tmp_path / "large", "wb") as file:
+        file.truncate(1 << 42)  # without blocks on the disk
+    with pytest.raises(FileFormatError, match="larger than the"):
+        read_bytes(tmp_path / "large", 1 << 41)
     for read in (read_json, read_toml):
         with pytest.raises(FileFormatError, match="larger than the 4 bytes"):
             read(tmp_path / "a", 4)
