@@ -10,6 +10,7 @@ from typing import Any
 _EXTRAS = {  # the extra of strand that installs each package; others come with "cli"
     "lz4": "recordings",
     "backports": "recordings",
+    "mujoco": "simulate",
     "plotly": "report",
     "pyarrow": "batch",
     "ray": "ray",

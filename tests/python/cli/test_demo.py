@@ -6,6 +6,8 @@ import contextlib
 import io
 import re
 import shutil
+import subprocess
+import sys
 from itertools import pairwise
 
 import pytest
@@ -75,3 +77,34 @@ def test_demo_leaves_other_files_alone(demo, tmp_path, monkeypatch, capsys):
     assert main(["demo", "--out", str(tmp_path / "out")]) == 0
     assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
     assert "model.json" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("screen", [True, False])
+def test_demo_lays_the_rope_on_a_table_in_mujoco(tmp_path, monkeypatch, capsys, screen):
+    shown = []
+
+    def run(command, **_):
+        shown.append(command)
+        return subprocess.CompletedProcess(command, 0 if screen else 1)
+
+    monkeypatch.setattr(cli.demo.figures, "write_figures", lambda *_: [])
+    monkeypatch.setattr(cli.demo.subprocess, "run", run)
+    assert main(["demo", "--out", str(tmp_path), "--simulate"]) == 0
+    out, err = capsys.readouterr()
+    moved = re.fullmatch(
+        r"MuJoCo [\d.]+: in 1 s on a table the rope moves by ([\d.]+) mm", out.splitlines()[-1]
+    )
+    assert 0.0 < float(moved[1]) < 5.0
+    scene = tmp_path / "simulation.xml"
+    assert str(scene) in out.splitlines()
+    assert shown == [[sys.executable, "-m", "mujoco.viewer", f"--mjcf={scene}"]]
+    assert ("the viewer did not open, which needs a screen" in err) is not screen
+
+
+def test_demo_says_how_to_install_mujoco(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    assert main(["demo", "--out", str(tmp_path / "out"), "--simulate"]) == 3
+    assert re.search(
+        r'mujoco is needed here: pip install ".*\[simulate\]" installs it', capsys.readouterr().err
+    )
+    assert not (tmp_path / "out").exists()
