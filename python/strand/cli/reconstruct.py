@@ -36,8 +36,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--out",
         type=values.parse_path,
         metavar="MODEL",
-        help="write the model: .json, .csv (one row per node) or .ply (one polyline per rope); with --every, "
-        "one line of JSON per frame",
+        help="write the model: .json, .csv (one row per node), .ply (one polyline per rope) or .usda "
+        "(deformable curves); with --every, one line of JSON per frame",
     )
     command.add_argument(
         "--tube",

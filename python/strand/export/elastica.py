@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from strand.export.segments import cut_segments
+from strand.export.segments import cut_segments, find_normals
 from strand.geometry.line import Line
 
 
@@ -40,15 +40,9 @@ def elastica(chain: Line, spacing: float | None = None) -> dict[str, Any]:
     if not isinstance(chain, Line):
         raise TypeError(f"chain: expected a Chain or Line, got {type(chain).__name__}")
     places = cut_segments(chain, spacing)
-    path = np.vstack([places, places[:1]]) if chain.closed else places
-    steps = np.diff(path, axis=0)
+    steps, normals = find_normals(places, chain.closed)
     lengths = np.linalg.norm(steps, axis=1, keepdims=True)
     tangents = steps / lengths
-    # rings of a tube are twist-free: the first vertex of each gives a direction across
-    rings = Line(places, 1.0, chain.closed).tube(3)[0][: 3 * len(places)].reshape(-1, 3, 3)
-    across = rings[: len(steps), 0] - places[: len(steps)]
-    normals = across - (across * tangents).sum(axis=1, keepdims=True) * tangents
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     directors = np.stack([normals, np.cross(tangents, normals), tangents])
     origin = {"ring_center_position": places.mean(axis=0)} if chain.closed else {"start": places[0].copy()}
     return {

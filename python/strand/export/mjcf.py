@@ -8,12 +8,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from strand.export.segments import cut_segments
+from strand.export.segments import MIN_SPACING, cut_segments
 from strand.export.xml import format_document, format_numbers
 from strand.geometry.line import Line
 from strand.support.checks import Array, check_integer, check_positive
 
-_MIN_SPACING = 2.5  # radii: with less, segments touch those after next in bends
 _DAMPING = 0.01  # seconds, times the stiffness; below the time step cables of version 3 are unstable
 _CABLE = "mujoco.elasticity.cable"
 
@@ -41,7 +40,7 @@ def make_mjcf(
     world = ElementTree.SubElement(model, "worldbody")
     for number, chain in enumerate(chains):
         # MuJoCo needs three bodies for a cable
-        places = cut_segments(chain, spacing, _MIN_SPACING, fewest=3 if version == 3 else 2)
+        places = cut_segments(chain, spacing, MIN_SPACING, fewest=3 if version == 3 else 2)
         mass = density * math.pi * chain.radius**2 * chain.length
         name = f"rope_{number}"
         if version == 3:

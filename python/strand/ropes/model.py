@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
@@ -16,6 +17,7 @@ from strand.export.files import format_csv, format_mesh, format_polylines
 from strand.export.mjcf import make_mjcf
 from strand.export.spheres import Spheres, make_spheres
 from strand.export.urdf import make_urdf
+from strand.export.usd import make_usd
 from strand.geometry.line import make_queries
 from strand.geometry.nearest import Nearest, find_nearest
 from strand.geometry.plane import Plane
@@ -48,7 +50,7 @@ FORMAT = "strand model"
 """The `format` of JSON files of `Model.save`."""
 VERSION = 2
 """Their `version`."""
-SUFFIXES = ("json", "csv", "ply")
+SUFFIXES = ("json", "csv", "ply", "usda")
 """Kinds of files that `Model.save` writes."""
 
 _MAX_CHAINS_SHOWN = 3  # in the repr of a model
@@ -486,14 +488,15 @@ class Model:
         ----------
         path : str or path-like
             A `.json` holds all but `stages`, and `strand.load_model` reads it back. A `.csv` has a row for
-            each node. A `.ply` has the nodes as vertices and a polyline for each rope. Lengths are in metres.
+            each node. A `.ply` has the nodes as vertices and a polyline for each rope. A `.usda` is that of
+            `save_usd`. Lengths are in metres.
         max_bytes : int
             Largest `.json` file, by default the 64 MiB that `strand.load_model` accepts by default.
 
         Raises
         ------
         ValueError
-            If the name ends with none of the three.
+            If the name ends with none of the four.
         strand.StrandError
             If a `.json` file would be larger than `max_bytes`.
         OSError
@@ -501,10 +504,12 @@ class Model:
             methods too.
         """
         kind, max_bytes = check_suffix(path, SUFFIXES), check_integer("max_bytes", max_bytes, 1)
-        if kind != "json":
+        if kind == "usda":
+            self.save_usd(path)
+        elif kind == "json":
+            write_json(path, _collect_content(self), max_bytes=max_bytes)
+        else:
             write_bytes(path, format_csv(self.chains) if kind == "csv" else format_polylines(self.chains))
-            return
-        write_json(path, _collect_content(self), max_bytes=max_bytes)
 
     def save_tube(self, path: str | os.PathLike[str], sides: int = 16) -> None:
         """Write the ropes' surfaces as one triangle mesh to a PLY file, see `Chain.tube`.
@@ -553,11 +558,56 @@ class Model:
             there is a table or the cameras look along z, as one without a pose does, else against z.
         """
         check_suffix(path, ("xml",))
-        pull = None if gravity is None else check_small_array("gravity", gravity, (3,))
-        # without a table z may still be up, and the ropes hang on a wall
-        if pull is None and (self.up[2] < -_MIN_DOWNWARD or (self.table is not None and self.up[2] < 1.0)):
-            pull = -_GRAVITY * self.up
+        pull = self._choose_gravity(gravity)
         write_bytes(path, make_mjcf(self.chains, version, spacing, density, young, pull))
+
+    def save_usd(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        spacing: float | None = None,
+        density: float = 1000.0,
+        young: float = 1e6,
+        stretch: float = 1e7,
+        pinned: Sequence[tuple[int, float]] = (),
+        tube: bool = False,
+        gravity: ArrayLike | None = None,
+    ) -> None:
+        """Write the ropes as deformable curves to a USD file, for Newton and Isaac Lab.
+
+        The file follows the draft "Deformable Body Physics" of the AOUSD. `/ropes/rope_0/curve` is a linear
+        `BasisCurves` in the world frame, in metres and single precision, with its material beside it. Each
+        rope starts, and rests, in its measured shape.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Its name ends with `.usda`.
+        spacing, density, gravity : optional
+            As in `save_mjcf`; the file has a physics scene only if it says how gravity pulls.
+        young : float
+            Young's modulus against bending, Pa, as in `save_mjcf`.
+        stretch : float
+            Young's modulus along the rope, Pa; 0.3 of it counts against shear. Solvers that iterate need
+            more steps with stiffer ropes.
+        pinned : sequence of (int, float)
+            Chains and arc lengths of places that do not move, such as `[(0, 0.0)]` for the first end. The
+            nearest end of a segment is attached to the world.
+        tube : bool
+            Write each rope's surface as a mesh that follows the curve, see `Chain.tube`.
+        """
+        check_suffix(path, ("usda",))
+        pull = self._choose_gravity(gravity)
+        write_bytes(path, make_usd(self.chains, spacing, density, young, stretch, pinned, tube, pull))
+
+    def _choose_gravity(self, gravity: ArrayLike | None) -> Array | None:
+        """Return the gravity (3,) that a file states; None if it is the usual one."""
+        if gravity is not None:
+            return check_small_array("gravity", gravity, (3,))
+        # without a table z may still be up, and the ropes hang on a wall
+        if self.up[2] < -_MIN_DOWNWARD or (self.table is not None and self.up[2] < 1.0):
+            return np.asarray(-_GRAVITY * self.up)
+        return None
 
     def save_urdf(self, path: str | os.PathLike[str], error: float = 5e-4) -> None:
         """Write the ropes as rigid obstacles to a URDF file.

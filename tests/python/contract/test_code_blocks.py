@@ -84,7 +84,7 @@ def check_configuration(names, out, folder):
 def check_export(names, out, folder):
     assert names["simulated"].nbody > 10
     assert json.dumps(names["world"])
-    assert {path.name for path in folder.iterdir()} >= {"tube.ply", "rope.urdf", "rope.xml", "rope.txt"}
+    assert {path.name for path in folder.iterdir()} >= {"tube.ply", "rope.urdf", "rope.xml", "rope.usda"}
 
 
 def check_pictures(names, out, folder):
