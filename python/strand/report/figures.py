@@ -226,7 +226,7 @@ def draw_cameras(model: Model) -> Figure:
     looking = inwards > 0.5 * away
     tips = (centers + 0.25 * away[:, None] * ahead)[looking]
     try:
-        advised = model.next_view()[None]
+        advised = model.next_view(count=1)[0].position[None]
     except ValueError:  # nothing to look at
         advised = np.empty((0, 3))
     unsure, count = _find_doubts(model), len(centers)

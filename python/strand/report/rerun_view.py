@@ -151,7 +151,5 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
     for i, line in enumerate(lines):
         log(f"truth/{i}", rerun.LineStrips3D([line], radii=radius / 6, colors=[_TRUTH]))
     if model.chains and len(model.poses):
-        log(
-            "next_view",
-            rerun.Points3D([model.next_view()], radii=2 * radius, colors=[_NEXT_VIEW], labels=["next view"]),
-        )
+        place = model.next_view(count=1)[0].position
+        log("next_view", rerun.Points3D([place], radii=2 * radius, colors=[_NEXT_VIEW], labels=["next view"]))

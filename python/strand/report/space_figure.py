@@ -298,7 +298,7 @@ def _draw_cameras(pen: Pen, cameras: Sequence[Camera | None], depth: float) -> l
 def _find_next_view(model: Model) -> Array:
     """Return (1, 3) the place of the next view, or (0, 3) without one."""
     try:
-        return model.next_view()[None]
+        return model.next_view(count=1)[0].position[None]
     except ValueError:  # no chains or no views
         return np.empty((0, 3))
 

@@ -26,7 +26,7 @@ from strand.ropes.contacts import Contact, find_contacts
 from strand.ropes.crossings import Crossing, find_crossings, find_free_stretch, list_crossings
 from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
 from strand.ropes.grasps import Grasps, Gripper, find_grasps
-from strand.ropes.next_view import find_best_camera, find_weakest_place
+from strand.ropes.next_view import NextView, Workspace, propose_views
 from strand.ropes.notebook import make_html
 from strand.ropes.pulls import PullPlan, plan_pulls
 from strand.ropes.queries import RayHits, SweepHits
@@ -205,19 +205,48 @@ class Model:
         crossings = list_crossings(self.chains, self.up, self.doubts, self.confidence)
         return summarize(self.confidence, self.chains, crossings, self.doubts)
 
-    def next_view(self) -> Array:
-        """Return the camera position (3,) that best sees the least certain place, world frame, metres.
+    def next_view(
+        self, workspace: Workspace | None = None, min_distance: float = 0.0, count: int = 3
+    ) -> tuple[NextView, ...]:
+        """Propose camera poses that settle most of the doubts, the best first.
 
-        The place is that of the greatest doubt that has one, else of the join with the least margin, else
-        where fewest points support a chain. The camera is as far from it as the median camera was. A model
-        without chains, or without a camera away from the place, raises ValueError.
+        A view settles a doubt as far as it shows the rope around the doubtful place from new directions,
+        past all strands. Doubts without a place are about all ropes. Things other than ropes are unknown:
+        they may block the sight. Cameras look at the middle of the ropes from above `up`'s plane, at the old
+        cameras' distance, or farther where the ropes fill more of the image than in any old one.
+
+        Parameters
+        ----------
+        workspace : Box or callable, optional
+            Where the camera may be. A function takes (N, 3) places, world frame, metres, and returns N bools.
+        min_distance : float
+            Least distance of the camera from the ropes' surface, metres: depth cameras see nothing nearer.
+        count : int
+            Number of poses at most. Their directions are at least 25 degrees apart.
+
+        Returns
+        -------
+        tuple of NextView
+            Empty if the workspace has no place above the ropes.
+
+        Raises
+        ------
+        ValueError
+            If the model has no chains, or no camera away from them; also if an argument is out of range.
         """
         if not self.chains or not len(self.poses):
             raise ValueError("model: expected chains and poses, got none")
-        places = [doubt.place for doubt in self.doubts if doubt.place is not None]
-        places += [join.place for join in self.joins]
-        place = places[0] if places else find_weakest_place(self.chains)
-        return find_best_camera(place, self.chains, self.poses[:, :3, 3])
+        return propose_views(
+            self.chains,
+            self._queries,
+            self.poses,
+            self.up,
+            self.doubts,
+            self.joins,
+            workspace,
+            min_distance,
+            count,
+        )
 
     @lazy_property
     def _queries(self) -> TubeQueries:

@@ -74,6 +74,11 @@ class Box:
             return places
         return np.asarray((places - self.pose[:3, 3]) @ self.pose[:3, :3])
 
+    def move_inside(self, points: ArrayLike) -> Array:
+        """(..., 3) Return the nearest places of the box to points of the world frame, metres."""
+        inside = np.clip(self.express(points), self.low, self.high)
+        return inside if self.pose is None else np.asarray(inside @ self.pose[:3, :3].T + self.pose[:3, 3])
+
     def express_directions(self, vectors: ArrayLike) -> Array:
         """(..., 3) Return directions of the world frame in the box's own frame."""
         given = check_vectors("vectors", vectors)

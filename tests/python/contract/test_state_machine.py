@@ -100,7 +100,7 @@ class Calls:
 
     def next_view(self) -> None:
         if self.models:
-            assert np.isfinite(self.any(self.models).next_view()).all()
+            assert all(np.isfinite(view.pose).all() for view in self.any(self.models).next_view())
 
     def ask_chains(self) -> None:
         for chain in self.any(self.models).chains if self.models else ():

@@ -154,7 +154,7 @@ def test_chains_points_doubts_and_cameras_are_in_place(paper_model, report):
     assert len(unpack(traces["ends: 2"]["z"])) == 2
     assert len(unpack(traces["cameras"]["x"])) == 7 * (6 + 4 * 3)
     (x, y, z) = (unpack(traces["next view"][axis])[0] for axis in "xyz")
-    np.testing.assert_allclose([x, y, z], 1e3 * paper_model.next_view(), rtol=1e-5)
+    np.testing.assert_allclose([x, y, z], 1e3 * paper_model.next_view()[0].position, rtol=1e-5)
     assert figure["layout"]["scene"]["aspectmode"] == "manual"
 
 
