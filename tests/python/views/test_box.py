@@ -27,6 +27,19 @@ def test_it_holds_what_open3d_says():
     np.testing.assert_allclose(view.crop(TURNED).world_points, points[np.sort(inside)], atol=1e-12)
 
 
+@pytest.mark.parametrize("box", [strand.Box(LOW, HIGH), TURNED], ids=["straight", "turned"])
+def test_places_outside_move_to_its_nearest_place(box):
+    points = np.random.default_rng(4).normal(size=(300, 3)) + MOTION[:3, 3]
+    moved = box.move_inside(points)
+    assert box.holds(moved, 1e-12).all()
+    inside = box.holds(points)
+    np.testing.assert_allclose(moved[inside], points[inside], atol=1e-12)
+    # no other place of the box is nearer
+    others = box.move_inside(np.random.default_rng(5).normal(size=(2000, 3)) + MOTION[:3, 3])
+    distance = np.linalg.norm(points - moved, axis=1)
+    assert (np.linalg.norm(points[:, None] - others, axis=2).min(axis=1) >= distance - 1e-12).all()
+
+
 def test_its_hull_is_that_of_its_corners():
     corners = np.array(list(itertools.product(*zip(LOW, HIGH, strict=True))))
     world = corners @ MOTION[:3, :3].T + MOTION[:3, 3]
