@@ -12,8 +12,7 @@ import strand._core as _core
 
 # what any call may raise
 ALLOWED = (TypeError, ValueError, strand.StrandError, MemoryError)
-# what else a call may raise: these functions are not public, and Python itself makes the arguments' numbers
-ALLOWED_ALSO = {"fit.radius": (IndexError, OverflowError)}
+# what else a call may raise of functions that are not public: Python itself makes the arguments' numbers
 ALLOWED_PRIVATE = (IndexError, OverflowError)
 # keep on for as many iterations as the caller asks for, unless they converge
 ITERATIVE = ("icp", "icp_planes", "register_in_turn", "fit_tubes")
@@ -287,4 +286,4 @@ def list_allowed(name: str) -> tuple[type[Exception], ...]:
     private = isinstance(owner, (_core.RopeImages, _core.Visibility)) or (
         hasattr(_core, short) and not hasattr(strand, short)
     )
-    return (*ALLOWED, *(ALLOWED_PRIVATE if private else ALLOWED_ALSO.get(name, ())))
+    return (*ALLOWED, *(ALLOWED_PRIVATE if private else ()))

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from strand.support.checks import check_choice
+from strand.support.checks import check_choice, check_instance, describe_value, refuse_masks_and_units
 from strand.support.files import FileFormatError, read_toml
 from strand.views.sensor import Sensor, find_preset
 
@@ -34,6 +34,7 @@ class _Section:
             value = getattr(self, entry.name)
             if (value is None and entry.default is None) or entry.type == "str":
                 continue
+            refuse_masks_and_units(f"{where}.{entry.name}", value)
             if isinstance(value, (np.integer, np.floating)) or (
                 isinstance(value, np.ndarray) and value.ndim == 0
             ):
@@ -42,10 +43,12 @@ class _Section:
             whole = entry.type == "int"
             if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)):
                 kind = "a whole number" if whole else "a number"
-                raise TypeError(f"{where}.{entry.name}: expected {kind}, got {value!r}")
+                raise TypeError(f"{where}.{entry.name}: expected {kind}, got {describe_value(value)}")
             if not abs(value) <= sys.float_info.max or value < 0 or (value == 0 and not whole):
                 bound = "at least 0" if whole else "above 0"
-                raise ValueError(f"{where}.{entry.name}: expected a number {bound}, got {value!r}")
+                raise ValueError(
+                    f"{where}.{entry.name}: expected a number {bound}, got {describe_value(value)}"
+                )
 
 
 @dataclass(frozen=True)
@@ -403,8 +406,7 @@ class Config:
         if self.sensor is not None and not isinstance(self.sensor, Sensor):
             object.__setattr__(self, "sensor", find_preset(self.sensor))
         for name, section in _SECTIONS.items():
-            if not isinstance(getattr(self, name), section):
-                raise TypeError(f"Config.{name}: expected a {section.__name__}, got {getattr(self, name)!r}")
+            check_instance(f"Config.{name}", getattr(self, name), section)
         if self.sensor is not None and self.tubes.noise is not None:
             raise ValueError("Config.sensor: expected a sensor without Tubes.noise, got both")
 

@@ -274,16 +274,14 @@ def read_view(
     if not any(all(hasattr(message, name) for name in names) for names in _DEPTH_MESSAGES.values()):
         known = ", ".join(_DEPTH_MESSAGES)
         raise TypeError(f"message: expected one of sensor_msgs ({known}), got {type(message).__name__}")
+    check_bool("rectified", rectified)
+    check_bool("ignore_distortion", ignore_distortion)
     camera = None
     if camera_info is not None:
         matrices = all(hasattr(camera_info, name) or hasattr(camera_info, name.upper()) for name in "kdp")
         if not (matrices and hasattr(camera_info, "height") and hasattr(camera_info, "width")):
             raise TypeError(f"camera_info: expected a CameraInfo, got {type(camera_info).__name__}")
-        rectified, ignore = (
-            check_bool("rectified", rectified),
-            check_bool("ignore_distortion", ignore_distortion),
-        )
-        camera = read_calibration(camera_info, rectified=rectified, ignore_distortion=ignore)
+        camera = read_calibration(camera_info, rectified=rectified, ignore_distortion=ignore_distortion)
     return make_view(message, camera, pose, depth_scale)
 
 

@@ -205,7 +205,7 @@ fn diagram_from(points: &[Point], closed: bool, direction: Point) -> Result<(Dia
 }
 
 fn meets_itself() -> Error {
-    Error::invalid("points", "expected a curve that does not meet itself")
+    Error::not_enough("points", "the curve meets itself, and neither strand is on top there")
 }
 
 /// Checks that nodes form a polyline; returns them around the origin in a box of about unit size.

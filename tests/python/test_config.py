@@ -83,7 +83,7 @@ def test_numbers_that_would_fill_the_memory_are_errors():
 
 
 def test_a_section_of_another_kind_is_an_error():
-    with pytest.raises(TypeError, match=r"Config\.tracing: expected a Tracing"):
+    with pytest.raises(TypeError, match=r"Config\.tracing: expected type Tracing"):
         strand.Config(tracing=config.Filter())  # type: ignore[arg-type]
 
 

@@ -16,6 +16,7 @@ from strand.reconstruction.finding.ropes import NoRopeError
 from strand.reconstruction.pipeline import reconstruct
 from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
+from strand.support.checks import check_instance
 from strand.tracking.track import Track
 
 _SINGLE_SCENE = (
@@ -45,6 +46,8 @@ def make_rows(unit: Unit, settings: Settings) -> Any:
     ImportError
         If a package that reads the recording is missing.
     """
+    check_instance("unit", unit, Unit)
+    check_instance("settings", settings, Settings)
     return make_record_batch(list(iterate_rows(unit, settings)), __version__, settings.digest)
 
 

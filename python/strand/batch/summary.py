@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
-from pathlib import Path
 from string import Template
 from typing import Any
 
@@ -17,7 +16,7 @@ import numpy as np
 
 from strand._core import __version__
 from strand.batch.reading import iterate_shards
-from strand.support.checks import Array
+from strand.support.checks import Array, check_path
 from strand.support.files import write_bytes
 
 _COLUMNS = ("recording", "frame", "rope", "nodes", "arc_length", "closed", "confidence", "seconds", "error")
@@ -133,7 +132,8 @@ def write_summary(out: str | os.PathLike[str], page: str | os.PathLike[str]) -> 
     ImportError
         If pyarrow is not installed.
     """
-    write_bytes(page, _make_page(summarize(out), f"Ropes in {Path(out).absolute().name}").encode())
+    page, folder = check_path("page", page), check_path("out", out)
+    write_bytes(page, _make_page(summarize(folder), f"Ropes in {folder.absolute().name}").encode())
 
 
 def _read_rows(table: Any) -> list[dict[str, Any]]:

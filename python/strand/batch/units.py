@@ -14,7 +14,7 @@ from strand.io.recordings import Recording, is_recording
 from strand.io.recordings.bags import SUFFIXES
 from strand.io.recordings.ros2_folder import METADATA
 from strand.io.view_files import SUFFIXES as VIEW_SUFFIXES
-from strand.support.checks import check_path, check_sequence
+from strand.support.checks import check_instance, check_path, check_sequence
 from strand.support.files import FileFormatError, open_file
 
 SCENE = "scene"
@@ -74,20 +74,20 @@ class Unit:
 
 
 def find_units(
-    given: Sequence[str | os.PathLike[str]],
+    recordings: Sequence[str | os.PathLike[str]],
     settings: Settings,
     root: str | os.PathLike[str],
     excluded: str | os.PathLike[str] | None = None,
 ) -> Iterator[Unit]:
     """Yield the units of files and folders, each once, in the order of their names.
 
-    The search skips links to folders and single files of one view, unless `given` names them. A path in
-    `given` that lies below another one comes last. Scenes of one folder are a single unit if the settings
-    have `track`; those beside depth images are skipped.
+    The search skips links to folders and single files of one view, unless `recordings` names them. A path
+    there that lies below another one comes last. Scenes of one folder are a single unit if the settings have
+    `track`; those beside depth images are skipped.
 
     Parameters
     ----------
-    given : sequence of paths
+    recordings : sequence of paths
         Recordings, and folders to search for recordings.
     settings : Settings
         How to read them.
@@ -101,12 +101,14 @@ def find_units(
     FileNotFoundError
         If a path does not exist; before the first unit.
     TypeError
-        If `given` is not a sequence of paths.
+        If `recordings` is not a sequence of paths.
     ValueError
         If a path is empty, or holds no recording; before the first unit.
     """
+    check_instance("settings", settings, Settings)
     skipped = None if excluded is None else os.path.realpath(check_path("excluded", excluded))
-    named = {os.path.abspath(check_path("given", path)) for path in check_sequence("given", given, "paths")}
+    listed = check_sequence("recordings", recordings, "paths")
+    named = {os.path.abspath(check_path("recordings", path)) for path in listed}
     # several paths may lead to the same recordings: keep one of them, a link only if all are links
     real = {path: os.path.realpath(path) for path in named}
     places = sorted(

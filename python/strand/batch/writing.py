@@ -10,6 +10,7 @@ from typing import BinaryIO
 from strand._core import __version__
 from strand.batch.rows import make_model_rows
 from strand.batch.table import SCHEMA_VERSION, Row, make_record_batch, make_schema
+from strand.support.checks import check_instance, check_path, check_text
 from strand.support.extras import import_extra
 from strand.support.files import replace_file
 from strand.tracking.track import Track
@@ -97,9 +98,12 @@ def write_tracks(tracks: Iterable[Track], path: str | os.PathLike[str], recordin
         If the file cannot be written.
     """
     import_extra("pyarrow.parquet")
+    path, recording = check_path("path", path), check_text("recording", recording)
+    check_instance("tracks", tracks, Iterable)  # type: ignore[type-abstract]
     rows = (
         row
-        for number, track in enumerate(tracks)
+        for number, given in enumerate(tracks)
+        for track in (check_instance(f"tracks[{number}]", given, Track),)
         for row in make_model_rows(recording, number, track.time, track.model, 0.0, track)
     )
     with replace_file(path) as file:

@@ -8,9 +8,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import strand._core as _core
-from strand.support.checks import Array, check_finite_array, check_number, freeze_array
+from strand.support.checks import (
+    Array,
+    check_finite_array,
+    check_number,
+    check_numbers,
+    check_positive,
+    freeze_array,
+)
 from strand.support.lazy import lazy_property
 
+_MAX_STEPS = 1_000_000  # of an evenly spaced curve
 _NEWTON_STEPS = 4  # to the closest place of a curve
 
 
@@ -65,7 +73,8 @@ class Curve:
     @classmethod
     def whole(cls, control: Array) -> Curve:
         """Return the whole spline of control points."""
-        return cls(control, 0.0, float(len(control) - 3))
+        points = check_finite_array("control", control, ("N", 3))
+        return cls(points, 0.0, float(len(points) - 3))
 
     @lazy_property
     def _table(self) -> tuple[Array, Array]:
@@ -81,21 +90,23 @@ class Curve:
     def parameter_at(self, s: ArrayLike) -> Array:
         """Return parameters of the spline at arc lengths `s`, metres, clamped to the ends."""
         u, arc = self._table
-        return np.asarray(np.interp(np.asarray(s), arc, u))
+        return np.asarray(np.interp(check_numbers("s", s), arc, u))
 
     def arc_length_at(self, parameter: ArrayLike) -> Array:
         """Return arc lengths at parameters of the spline, metres, clamped to the ends."""
         _, arc = self._table
         # the table is evenly spaced: no search
-        place = (np.asarray(parameter) - self.start) * ((len(arc) - 1) / (self.stop - self.start))
-        place = np.clip(place, 0.0, len(arc) - 1)
+        beyond = check_numbers("parameter", parameter) - self.start
+        place = np.clip(beyond * ((len(arc) - 1) / (self.stop - self.start)), 0.0, len(arc) - 1)
         before = np.minimum(place.astype(np.intp), len(arc) - 2)
         low = arc[before]
         return np.asarray(low + (place - before) * (arc[before + 1] - low))
 
     def trimmed(self, start: float, stop: float) -> Curve:
         """Return the stretch between two arc lengths, metres."""
-        first, last = self.parameter_at([start, stop])
+        first, last = (
+            self.parameter_at(check_number(name, s)) for name, s in (("start", start), ("stop", stop))
+        )
         return Curve(self.control, float(first), float(last))
 
     def reversed(self) -> Curve:
@@ -127,6 +138,9 @@ class Curve:
 
     def closest(self, points: Array, s: Array) -> Array:
         """Return (N,) arc lengths of the closest places to points, by Newton's method from near ones."""
+        points, s = check_finite_array("points", points, ("N", 3)), check_numbers("s", s)
+        if s.shape != points.shape[:1]:
+            raise ValueError(f"s: expected one for each of {len(points)} points, got shape {s.shape}")
         for _ in range(_NEWTON_STEPS):
             position, tangent, bend = self.at(s)
             offset = points - position
@@ -136,4 +150,7 @@ class Curve:
 
     def spaced(self, spacing: float) -> Array:
         """Return evenly spaced arc lengths from end to end, about `spacing` metres apart, at least two."""
-        return np.linspace(0.0, self.length, max(round(self.length / spacing), 1) + 1)
+        steps = self.length / check_positive("spacing", spacing)
+        if steps > _MAX_STEPS:
+            raise ValueError(f"spacing: expected at most {_MAX_STEPS} steps, got {steps:g}")
+        return np.linspace(0.0, self.length, max(round(steps), 1) + 1)

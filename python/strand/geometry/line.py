@@ -20,8 +20,10 @@ from strand.support.checks import (
     Array,
     check_bool,
     check_finite_array,
+    check_instance,
     check_integer,
     check_nonnegative,
+    check_numbers,
     check_radius,
     freeze_array,
     to_array,
@@ -95,8 +97,8 @@ class Line:
         object.__setattr__(self, "radius", check_radius(self.radius))
         object.__setattr__(self, "closed", check_bool("closed", self.closed))
         object.__setattr__(self, "radius_sd", check_nonnegative("radius_sd", self.radius_sd))
-        if self.curve is not None and not isinstance(self.curve, Curve):
-            raise TypeError(f"curve: expected a Curve, got {self.curve!r}")
+        if self.curve is not None:
+            check_instance("curve", self.curve, Curve)
         for name, shape in _NODE_VALUES.items():
             if getattr(self, name) is not None:
                 value = check_node_values(name, getattr(self, name), (len(points), *shape), counts=not shape)
@@ -258,12 +260,7 @@ class Line:
 
     def _clamp(self, s: ArrayLike) -> Array:
         """Return arc lengths on the line: clamped to the ends of an open one, wrapped around a closed one."""
-        given = to_array("s", s)
-        if given.dtype.kind not in "fiu":
-            raise TypeError(f"s: expected arc lengths in metres, got dtype {given.dtype}")
-        at = given.astype(np.float64)
-        if not np.isfinite(at).all():
-            raise ValueError("s: expected finite arc lengths, got NaN or infinity")
+        at = check_numbers("s", s)
         if self.closed and self.curve is None:
             return np.asarray(np.mod(at, self.length))
         return np.asarray(np.clip(at, 0.0, self.length))

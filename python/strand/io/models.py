@@ -15,8 +15,8 @@ from strand.ropes.crossings import Crossing
 from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
 from strand.ropes.model import FORMAT, VERSION, Model
 from strand.ropes.seen_side import USUAL_UP, check_table, check_up
-from strand.support.checks import check_integer, check_number, check_sequence
-from strand.support.files import JSON_BYTES, FileFormatError, describe_value, open_file, parse_json, read_json
+from strand.support.checks import check_integer, check_number, check_sequence, describe_value
+from strand.support.files import JSON_BYTES, FileFormatError, open_file, parse_json, read_json
 from strand.views.sensor import Sensor
 
 REQUIRED = (  # keys that a model file must have

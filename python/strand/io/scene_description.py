@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from strand.support.checks import Array, check_number, check_rigid_motion
-from strand.support.files import describe_value
+from strand.support.checks import Array, check_number, check_rigid_motion, describe_value
 from strand.views.box import Bounds, Box, make_box
 from strand.views.pose import pose_from_angles, turntable_pose
 

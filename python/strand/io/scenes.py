@@ -19,7 +19,7 @@ from strand.io.point_cloud import PointCloud
 from strand.io.scene_description import Description, parse_description
 from strand.io.single_view import KnownCamera, read_single_view
 from strand.io.view_files import SUFFIXES, collect_given, read_images, read_view_file, require_one_each
-from strand.support.checks import Array, check_finite_array, check_integer
+from strand.support.checks import Array, check_bool, check_finite_array, check_integer, check_path
 from strand.support.files import TOML_BYTES, FileFormatError, read_toml
 from strand.views.box import Bounds, make_box
 from strand.views.view import View
@@ -187,7 +187,7 @@ def load_scene(
     ImportError
         If a package that reads images (or TOML, on Python 3.10) is not installed.
     """
-    path = Path(path)
+    path, outside = check_path("path", path), check_bool("outside", outside)
     given = collect_given(masks=masks, colors=colors, occluders=occluders)
     budget = Budget(check_integer("max_bytes", max_bytes, 1))
     camera = KnownCamera(viewpoint, camera_frame, intrinsics, depth_scale)

@@ -18,7 +18,7 @@ from strand.io.pcd import read_pcd
 from strand.io.ply import read_ply
 from strand.io.point_cloud import PointCloud, scale_colors
 from strand.io.xyz import read_xyz
-from strand.support.checks import check_mask, check_occluders, check_sequence
+from strand.support.checks import check_mask, check_occluders, check_path, check_sequence
 from strand.support.files import FileFormatError
 
 _KEYS = {"masks": "mask", "colors": "color", "occluders": "occluders"}  # a view's key by the argument's name
@@ -35,7 +35,7 @@ def read_view_file(path: Path, budget: Budget) -> NDArray[Any] | PointCloud:
 def collect_given(**given: Sequence[str | os.PathLike[str]] | None) -> dict[str, list[Path]]:
     """Return the files that the caller gives for each view, by the key of a view: mask, color, occluders."""
     return {
-        _KEYS[name]: [Path(one) for one in check_sequence(name, files, "paths")]
+        _KEYS[name]: [check_path(name, one) for one in check_sequence(name, files, "paths")]
         for name, files in given.items()
         if files is not None
     }

@@ -22,7 +22,7 @@ from strand.reconstruction.published.method import find_chains as find_published
 from strand.reconstruction.radius import Radii
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.ropes.model import Model
-from strand.support.checks import check_bool, check_positive
+from strand.support.checks import check_bool, check_instance, check_positive
 from strand.views.box import Bounds, make_box
 from strand.views.extract import Extract, extract_views
 from strand.views.view import View, placed
@@ -165,8 +165,7 @@ def _check(
 ) -> Hints:
     """Check what the caller knows of the ropes."""
     config = Config() if config is None else config
-    if not isinstance(config, Config):
-        raise TypeError(f"config: expected a Config, got {config!r}")
+    check_instance("config", config, Config)
     radii = None if radius is None else Radii.from_caller(radius, config.known)
     if previous is not None and not isinstance(previous, Model):
         raise TypeError(f"previous: expected a Model or None, got {type(previous).__name__}")

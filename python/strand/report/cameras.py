@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strand.ropes.model import Model
-from strand.support.checks import Array
+from strand.support.checks import Array, check_instance
 from strand.views.pinhole import Pinhole
 from strand.views.view import View
 
@@ -65,6 +65,7 @@ class Camera:
 
 def make_cameras(model: Model, views: Sequence[View]) -> list[Camera | None]:
     """Return the camera of each view in the model's pose; None for a view without image and points."""
+    check_instance("model", model, Model)
     if len(model.poses) != len(views):
         raise ValueError(f"views: expected the {len(model.poses)} views of the model, got {len(views)}")
     return [_make_camera(view, pose) for view, pose in zip(views, model.poses, strict=True)]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from strand._core import NotEnoughDataError
 from strand.report.drawing import (
     FONT_SIZE,
     GRAY,
@@ -42,12 +43,12 @@ from strand.report.published_figures import (
     draw_segments,
     draw_separation,
 )
-from strand.report.tables import find_branch
+from strand.report.tables import find_branch, take_stage
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
 from strand.ropes.notebook import PALETTE
-from strand.support.checks import Array, check_clouds, check_finite_array
+from strand.support.checks import Array, check_clouds, check_finite_array, check_instance, check_path
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
 
@@ -107,8 +108,8 @@ def write_figures(
         If a file cannot be written.
     """
     centerlines = check_clouds("truth", truth)
+    directory = check_path("directory", directory)
     names = _FIGURES[find_branch(model)]
-    directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
     paths = []
     for number, name in enumerate(names, 1):
@@ -138,7 +139,8 @@ def plot_over_points(model: Model, points: ArrayLike, path: str | os.PathLike[st
     OSError
         If the file cannot be written.
     """
-    cloud = check_finite_array("points", points, ("N", 3))
+    cloud, path = check_finite_array("points", points, ("N", 3)), check_path("path", path)
+    check_instance("model", model, Model)
     names = [f"chain {i}: {chain.length * 1e3:.0f} mm" for i, chain in enumerate(model.chains)]
     entries = [make_dot("points", GRAY), *make_line_entries(names)]
     drawing = make_drawing(model, cloud, "Chains over the points", entries, elevation=False)
@@ -146,22 +148,22 @@ def plot_over_points(model: Model, points: ArrayLike, path: str | os.PathLike[st
     paths = [close_path(chain) for chain in model.chains]
     drawing.draw_lines(color_paths(paths), width=2.6)
     drawing.draw_markers(find_rope_ends(model), "o", PALETTE[3])
-    _write(drawing.figure, Path(path))
+    _write(drawing.figure, path)
 
 
 def draw_raw(model: Model) -> Figure:
     """Draw the points inside the extraction range, in the poses of the views (fig. 6 a)."""
-    return _draw_by_view(model, model.stages["raw"], "Raw points inside the extraction range")
+    return _draw_by_view(model, take_stage(model, "raw"), "Raw points inside the extraction range")
 
 
 def draw_filtered(model: Model) -> Figure:
     """Draw the points that the outlier filter kept (fig. 6 b)."""
-    return _draw_by_view(model, model.stages["filtered"], "Points after outlier removal")
+    return _draw_by_view(model, take_stage(model, "filtered"), "Points after outlier removal")
 
 
 def draw_registered(model: Model) -> Figure:
     """Draw the points in the registered poses (fig. 6 d)."""
-    return _draw_by_view(model, model.stages["registered"], "Registered points")
+    return _draw_by_view(model, take_stage(model, "registered"), "Registered points")
 
 
 def draw_ropes(model: Model, truth: Sequence[ArrayLike] = ()) -> Figure:
@@ -170,7 +172,7 @@ def draw_ropes(model: Model, truth: Sequence[ArrayLike] = ()) -> Figure:
     Nodes that no point supports, where a rope bridges a gap, are dotted. Crossings as seen in the plan, and
     places of doubts, are marked.
     """
-    cloud = np.vstack(model.stages["registered"])
+    cloud = np.vstack(take_stage(model, "registered"))
     count = len(model.chains)
     lengths = ", ".join(f"{chain.length * 1e3:.0f} mm" for chain in model.chains[:_MAX_LENGTHS])
     title = f"{count} {'chain' if count == 1 else 'chains'}: {lengths}{', …' if count > _MAX_LENGTHS else ''}"
@@ -218,7 +220,7 @@ def draw_cameras(model: Model) -> Figure:
     A camera whose z axis does not point at the chains is drawn without a direction: its view may hold
     points in the world frame.
     """
-    lines = [close_path(chain) for chain in model.chains]
+    lines = [close_path(chain) for chain in check_instance("model", model, Model).chains]
     nodes = np.vstack([np.empty((0, 3)), *lines])
     centers, ahead = model.poses[:, :3, 3], model.poses[:, :3, 2]
     away = np.linalg.norm(centers - nodes.mean(axis=0), axis=1) if len(nodes) else np.ones(len(centers))
@@ -227,7 +229,7 @@ def draw_cameras(model: Model) -> Figure:
     tips = (centers + 0.25 * away[:, None] * ahead)[looking]
     try:
         advised = model.next_view(count=1)[0].position[None]
-    except ValueError:  # nothing to look at
+    except NotEnoughDataError:  # nothing to look at
         advised = np.empty((0, 3))
     unsure, count = _find_doubts(model), len(centers)
     legend = [make_dot("camera", PALETTE[0], edge=INK)]
@@ -254,7 +256,7 @@ def draw_cameras(model: Model) -> Figure:
 
 def draw_arcs(model: Model) -> Figure:
     """Draw the observed arcs and their ends before they are linked."""
-    parts, cloud = model.stages["arcs"], np.vstack(model.stages["registered"])
+    parts, cloud = take_stage(model, "arcs"), np.vstack(take_stage(model, "registered"))
     legend = [make_dot("arc's end", "white", edge=INK), make_dot("registered points", GRAY)]
     drawing = make_drawing(model, cloud, f"{len(parts)} {'arc' if len(parts) == 1 else 'arcs'} seen", legend)
     drawing.draw_points(cloud, GRAY)
@@ -269,7 +271,7 @@ def draw_residuals(model: Model) -> Figure:
 
     A patch of one colour is an error of the tubes or the poses. Noise alone gives a mix of colours.
     """
-    fit = model.stages["fit"]
+    fit = take_stage(model, "fit")
     share = 100.0 * float(np.mean(fit.explained))
     title = f"Residuals: sd {fit.sigma * 1e3:.2f} mm, {share:.1f} % of {len(fit.points):,} points explained"
     legend = [] if fit.explained.all() else [make_dot("point that no tube explains", INK)]
@@ -289,7 +291,8 @@ def draw_residuals(model: Model) -> Figure:
 
 def draw_uncertainty(model: Model) -> Figure:
     """Draw the standard deviation of the nodes in their worst direction, and their numbers of points."""
-    shown = sorted(sorted(range(len(model.chains)), key=lambda i: -model.chains[i].length)[:MAX_NAMES])
+    lengths = [chain.length for chain in check_instance("model", model, Model).chains]
+    shown = sorted(sorted(range(len(lengths)), key=lambda i: -lengths[i])[:MAX_NAMES])
     title = "Standard deviation of the nodes, and the points that see them"
     if len(shown) < len(model.chains):
         title += f" (the {len(shown)} longest of {len(model.chains)})"

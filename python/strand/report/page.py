@@ -25,7 +25,7 @@ from strand.report.tables import count_stages, describe_ends
 from strand.ropes.crossings import NOT_LISTED, list_crossings
 from strand.ropes.model import Model
 from strand.ropes.summary import say_whether_to_act
-from strand.support.checks import Array, check_clouds
+from strand.support.checks import Array, check_clouds, check_instance, check_path, check_text
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
 from strand.views.pose import moved
@@ -87,7 +87,9 @@ def write_report(
     OSError
         If the file cannot be written.
     """
-    views = check_views(views)
+    views, path = check_views(views), check_path("path", path)
+    title = check_text("title", title)
+    rows = {} if given is None else dict(check_instance("given", given, dict))
     cameras = make_cameras(model, views)
     lines = check_clouds("truth", truth)
     figure = make_space_figure(model, place_points(model, views), cameras, lines)
@@ -98,7 +100,7 @@ def write_report(
         ("Crossings", _tabulate_crossings(model)),
         ("Doubts and warnings", _tabulate_doubts(model)),
         ("Views", _tabulate_views(model, views)),
-        ("Given values", format_table(["quantity", "value"], (given or {}).items())),
+        ("Given values", format_table(["quantity", "value"], rows.items())),
         ("Stages", _tabulate_stages(model, views)),
     ]
     page = Template(files("strand.report").joinpath("page.html").read_text("utf-8")).substitute(

@@ -26,6 +26,7 @@ from strand.report.drawing import (
     pick_spread,
 )
 from strand.report.drawn_chains import color_paths, find_ends, find_rope_ends, pick_color
+from strand.report.tables import take_stage
 from strand.ropes.model import Model
 from strand.ropes.notebook import PALETTE
 from strand.support.checks import Array
@@ -42,7 +43,7 @@ _PANEL_GAP = 0.5  # inches
 
 def draw_normals(model: Model) -> Figure:
     """Draw the points, some of them with their outward unit normals (fig. 6 c)."""
-    points, vectors = np.vstack(model.stages["filtered"]), np.vstack(model.stages["normals"])
+    points, vectors = np.vstack(take_stage(model, "filtered")), np.vstack(take_stage(model, "normals"))
     key = {"right": (1, 0), "up": (0, 1), "left": (-1, 0), "down": (0, -1)}
     key["towards the reader"] = (0, 0)
     key_colors = _color_directions(np.array(list(key.values())))
@@ -65,7 +66,7 @@ def draw_normals(model: Model) -> Figure:
 
 def draw_axis_points(model: Model) -> Figure:
     """Draw the averaged axis points, which are points moved inwards by the radius (fig. 6 e)."""
-    points = model.stages["axis_points"]
+    points = take_stage(model, "axis_points")
     drawing = make_drawing(model, points, f"{len(points):,} axis points", bar=True)
     height = drawing.plan.to_millimeters(points)[:, 2]
     colors = drawing.draw_color_bar(height.min(), height.max(), "viridis", drawing.plan.name_axis(2))
@@ -75,7 +76,7 @@ def draw_axis_points(model: Model) -> Figure:
 
 def draw_chains(model: Model) -> Figure:
     """Draw the traced chains (fig. 6 f)."""
-    traced, cloud = model.stages["traced"], model.stages["axis_points"]
+    traced, cloud = take_stage(model, "traced"), take_stage(model, "axis_points")
     names = [f"chain {i}: {len(chain)} nodes" for i, chain in enumerate(traced)]
     title = f"{len(traced)} {'chain' if len(traced) == 1 else 'chains'} traced"
     drawing = make_drawing(model, cloud, title, make_line_entries(names))
@@ -88,8 +89,8 @@ def draw_chains(model: Model) -> Figure:
 
 def draw_separation(model: Model) -> Figure:
     """Draw the separation d* by node, with the cuts at its local minima (fig. 11)."""
-    traced, cuts = model.stages["traced"], model.stages["cuts"]
-    values = [np.where(np.isfinite(d), 1e3 * d, np.nan) for d in model.stages["separation"]]
+    traced, cuts = take_stage(model, "traced"), take_stage(model, "cuts")
+    values = [np.where(np.isfinite(d), 1e3 * d, np.nan) for d in take_stage(model, "separation")]
     shown = sorted(sorted(range(len(traced)), key=lambda i: -len(traced[i]))[:MAX_NAMES])
     lines, ticker = import_extra("matplotlib.lines"), import_extra("matplotlib.ticker")
     legend = [lines.Line2D([], [], marker="v", ls=":", color=INK, mfc="white", mew=1.2, ms=8, label="cut")]
@@ -122,7 +123,7 @@ def draw_separation(model: Model) -> Figure:
 
 def draw_segments(model: Model) -> Figure:
     """Draw the segments after the split, with the ends of ropes and of segments (fig. 12)."""
-    parts, cloud = model.stages["segments"], model.stages["axis_points"]
+    parts, cloud = take_stage(model, "segments"), take_stage(model, "axis_points")
     title = f"{len(parts)} {'segment' if len(parts) == 1 else 'segments'} after the split"
     legend = [
         make_dot("rope's end", PALETTE[3], edge=INK),

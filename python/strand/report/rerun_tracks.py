@@ -10,8 +10,8 @@ import numpy as np
 
 from strand.geometry.polyline import find_runs
 from strand.report.drawn_chains import pick_color
-from strand.report.tracks import Track, TrackedRope, name_rope
-from strand.support.checks import Array, check_clouds, check_sequence
+from strand.report.tracks import Track, TrackedRope, check_tracks, name_rope
+from strand.support.checks import Array, check_clouds, check_path
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
 
@@ -49,17 +49,17 @@ def write_track_recording(
     OSError
         If the file cannot be written.
     """
-    tracks = list(check_sequence("tracks", tracks, "answers of a Tracker"))
-    for name, given in (("numbers", numbers), ("clouds", clouds)):
-        if given is not None and len(given) != len(tracks):
-            raise ValueError(f"{name}: expected one for each of {len(tracks)} tracks, got {len(given)}")
+    path = check_path("path", path)
+    tracks, numbers = check_tracks(tracks, numbers)
     points = None if clouds is None else check_clouds("clouds", clouds)
+    if points is not None and len(points) != len(tracks):
+        raise ValueError(f"clouds: expected one for each of {len(tracks)} tracks, got {len(points)}")
     rerun = import_extra("rerun")
     recording = rerun.RecordingStream("strand")
     stream = recording.memory_recording()
     for k, track in enumerate(tracks):
         recording.set_time("time", duration=track.time - tracks[0].time)
-        recording.set_time("frame", sequence=k if numbers is None else numbers[k])
+        recording.set_time("frame", sequence=numbers[k])
         if points is not None:
             sizes = rerun.Radius.ui_points(_POINT_SIZE)
             recording.log("points", rerun.Points3D(points[k], radii=sizes, colors=[_POINT]))

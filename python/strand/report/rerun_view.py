@@ -15,7 +15,7 @@ from strand.report.drawn_chains import close_path, pick_color
 from strand.report.page import place_points
 from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
-from strand.support.checks import check_clouds
+from strand.support.checks import check_clouds, check_path
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
 from strand.views.view import View, check_views
@@ -55,7 +55,7 @@ def write_recording(
     OSError
         If the file cannot be written.
     """
-    rerun = import_extra("rerun")
+    path, rerun = check_path("path", path), import_extra("rerun")
     recording = rerun.RecordingStream("strand")
     stream = recording.memory_recording()
     _log(rerun, recording, model, views, truth)

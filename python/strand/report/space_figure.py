@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from strand._core import NotEnoughDataError
 from strand.geometry.polyline import find_runs
 from strand.report.cameras import Camera
 from strand.report.drawing import INK, pick_spread
@@ -299,7 +300,7 @@ def _find_next_view(model: Model) -> Array:
     """Return (1, 3) the place of the next view, or (0, 3) without one."""
     try:
         return model.next_view(count=1)[0].position[None]
-    except ValueError:  # no chains or no views
+    except NotEnoughDataError:  # no chains or no views
         return np.empty((0, 3))
 
 

@@ -13,7 +13,7 @@ from strand.ropes.chain import Chain
 from strand.ropes.crossings import NOT_LISTED, list_crossings
 from strand.ropes.model import Model
 from strand.ropes.summary import say_whether_to_act
-from strand.support.checks import check_finite_array
+from strand.support.checks import check_finite_array, check_instance
 from strand.views.view import View
 
 # the stages of each branch or method, each with the key of its points in Model.stages, or None if it has no
@@ -102,10 +102,20 @@ class Accuracy:
 
 def find_branch(model: Model) -> str:
     """Return the branch, or else the method, whose stages a model has; raise ValueError without stages."""
-    name = model.branch or model.method
+    name = check_instance("model", model, Model).branch or model.method
     if not model.stages or name not in STAGE_ARRAYS:
         raise ValueError("model: expected one with its stages, from reconstruct(..., keep_stages=True)")
     return name
+
+
+def take_stage(model: Model, key: str) -> Any:
+    """Return what a model keeps of a stage; raise ValueError if it was made without."""
+    stages = check_instance("model", model, Model).stages
+    if key not in stages:
+        raise ValueError(
+            f"model: expected one with the stage {key!r}, from reconstruct(..., keep_stages=True)"
+        )
+    return stages[key]
 
 
 def count_stages(views: Sequence[View], model: Model) -> tuple[StageCount, ...]:

@@ -18,8 +18,8 @@ from strand.report.drawn_chains import pick_color
 from strand.report.page import POLICY, dump_json, escape_text, format_table
 from strand.report.plotly_traces import Pen
 from strand.report.space_figure import make_scene, place_cameras
-from strand.report.tracks import Track, TrackedRope, name_rope
-from strand.support.checks import Array, check_sequence
+from strand.report.tracks import Track, TrackedRope, check_tracks, name_rope
+from strand.support.checks import Array, check_path, check_text
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
 
@@ -66,10 +66,8 @@ def write_track_report(
     OSError
         If the file cannot be written.
     """
-    tracks = list(check_sequence("tracks", tracks, "answers of a Tracker"))
-    numbers = list(range(len(tracks)) if numbers is None else numbers)
-    if len(numbers) != len(tracks):
-        raise ValueError(f"numbers: expected one for each of {len(tracks)} tracks, got {len(numbers)}")
+    path, title = check_path("path", path), check_text("title", title)
+    tracks, numbers = check_tracks(tracks, numbers)
     latest = {rope.number: rope for track in tracks for rope in track.ropes}
     ropes = [latest[number] for number in sorted(latest)][:_MAX_ROPES]
     shown = pick_spread(len(tracks), _MAX_NODES // (_NODES * max(len(ropes), 1))).tolist()

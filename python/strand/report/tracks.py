@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.support.checks import Array
+from strand.support.checks import Array, check_instances, check_integer, check_sequence
 
 
 class TrackedRope(Protocol):
@@ -39,6 +39,7 @@ class TrackedRope(Protocol):
         """(M,) Whether nothing shows a node."""
 
 
+@runtime_checkable
 class Track(Protocol):
     """The ropes at a time, and what happened to them since the time before."""
 
@@ -62,3 +63,16 @@ class Track(Protocol):
 def name_rope(rope: TrackedRope) -> str:
     """Return a rope's number and length in words."""
     return f"rope {rope.number}: {1e3 * rope.length:.0f} mm"
+
+
+def check_tracks(
+    tracks: Sequence[Track], numbers: Sequence[int] | None
+) -> tuple[tuple[Track, ...], tuple[int, ...]]:
+    """Return the answers of a tracker, and the numbers of their frames; by default from 0 on."""
+    answers = check_instances("tracks", tracks, Track)  # type: ignore[type-abstract]
+    if numbers is None:
+        return answers, tuple(range(len(answers)))
+    given = check_sequence("numbers", numbers, "whole numbers")
+    if len(given) != len(answers):
+        raise ValueError(f"numbers: expected one for each of {len(answers)} tracks, got {len(given)}")
+    return answers, tuple(check_integer("numbers", number) for number in given)

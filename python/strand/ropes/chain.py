@@ -26,6 +26,7 @@ from strand.support.checks import (
     check_integer,
     check_sequence,
     freeze_array,
+    to_array,
 )
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ class Chain(Line):
         if self.label is not None:
             object.__setattr__(self, "label", check_integer("label", self.label))
         if self.color is not None:
-            (color,) = check_colors("color", np.asarray(self.color)[None], (1, 3))
+            (color,) = check_colors("color", to_array("color", self.color)[None], (1, 3))
             object.__setattr__(self, "color", freeze_array(color))
         ends = check_sequence("hidden_ends", self.hidden_ends, "two bools")
         if len(ends) != 2:

@@ -82,6 +82,8 @@ def knot_diagram(
     ValueError
         If `points` is not a polyline, as in `strand.knot`, or has more than 20,000 crossings; if `direction`
         is zero, or strands lie along each other from there.
+    strand.NotEnoughDataError
+        If the curve meets itself.
     """
     nodes = check_finite_array("points", points, ("N", 3))
     codes = _core.draw_knot(nodes, check_bool("closed", closed), check_direction("direction", direction))

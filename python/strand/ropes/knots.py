@@ -123,8 +123,10 @@ def knot(
         If an argument is of the wrong kind.
     ValueError
         If `points` has a wrong shape, is not finite, or has too few nodes or equal ones in a row; if the
-        curve meets itself where that decides the knot; if the first node of a closed rope is repeated at the
-        end; if `crossings` holds wrong values or more rows than there are crossings; if `direction` is zero.
+        first node of a closed rope is repeated at the end; if `crossings` holds wrong values or more rows
+        than there are crossings; if `direction` is zero.
+    strand.NotEnoughDataError
+        If the curve meets itself where that decides the knot.
 
     Examples
     --------
@@ -153,14 +155,16 @@ def name_knot(
     answers, core, twin, alexander, jones, codes = _core.identify_knot(nodes, closed)
     shares = tuple((name or UNKNOWN, chirality, share) for name, chirality, share in answers)
     name, chirality, probability = shares[0]
-    if crossings is not None and np.size(crossings):
+    towards = check_direction("direction", direction)
+    given = np.empty((0, 3))
+    if crossings is not None and not (isinstance(crossings, (list, tuple)) and not crossings):
         given = check_finite_array("crossings", crossings, ("K", 3))
+    if len(given):
         path = np.vstack([nodes, nodes[:1]]) if closed else nodes
         if not (given[:, :2].min() >= 0 and given[:, :2].max() <= arc[-1] * (1 + 1e-9)):
             raise ValueError(f"crossings: expected arc lengths from 0 to {arc[-1]:g} m")
         places = np.interp(given[:, :2], arc, _core.path_length(path))
         rows = np.column_stack([places, given[:, 2]])
-        towards = check_direction("direction", direction)
         probability *= _core.find_order_probability(nodes, closed, towards, rows, strict)
     return Knot(
         name=name,

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand._core import TubeQueries
+from strand._core import NotEnoughDataError, TubeQueries
 from strand.config import METHODS
 from strand.export.capsules import Capsules, make_capsules
 from strand.export.files import format_csv, format_mesh, format_polylines
@@ -40,6 +40,7 @@ from strand.support.checks import (
     check_instances,
     check_integer,
     check_small_array,
+    describe_value,
     freeze_array,
 )
 from strand.support.files import JSON_BYTES, check_suffix, convert_to_json, write_bytes, write_json
@@ -231,11 +232,13 @@ class Model:
 
         Raises
         ------
+        strand.NotEnoughDataError
+            If the model has no chains, or no camera away from them.
         ValueError
-            If the model has no chains, or no camera away from them; also if an argument is out of range.
+            If an argument is out of range.
         """
         if not self.chains or not len(self.poses):
-            raise ValueError("model: expected chains and poses, got none")
+            raise NotEnoughDataError("chains, poses: expected some of both, got none")
         return propose_views(
             self.chains,
             self._queries,
@@ -403,7 +406,8 @@ class Model:
             may be negative and stop above the length; `chain.at` wraps them.
         """
         if not self.chains:
-            raise ValueError(f"chain: expected the number of a chain, got {chain!r}: the model has no chains")
+            got = describe_value(chain)
+            raise ValueError(f"chain: expected the number of a chain, got {got}: the model has no chains")
         number = check_integer("chain", chain, 0, len(self.chains) - 1)
         return find_free_stretch(self.chains[number], number, s, self.crossings(direction))
 

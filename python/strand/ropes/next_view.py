@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand._core import TubeQueries
+from strand._core import NotEnoughDataError, TubeQueries
 from strand.geometry.line import Line
 from strand.ropes.doubt import Doubt, Join
 from strand.support.checks import Array, check_integer, check_nonnegative, freeze_array, round_to_millimeters
@@ -192,7 +192,7 @@ def _find_stand(queries: TubeQueries, ropes: Array, nodes: Array, poses: Array, 
     reach = float(np.linalg.norm(nodes - middle, axis=1).max())
     kept = np.flatnonzero((queries.signed_distances(cameras) > 0.0) & (distances > _MIN_LEVEL * reach))
     if not len(kept):
-        raise ValueError("model: expected poses with cameras away from the ropes")
+        raise NotEnoughDataError("poses: expected some with cameras away from the ropes")
     kept = kept[np.linspace(0, len(kept) - 1, min(len(kept), _MAX_CAMERAS)).round().astype(int)]
     towards = offsets[kept] / distances[kept, None]
     mean = towards.mean(axis=0)

@@ -92,9 +92,10 @@ def measure_order(
         if doubt.place is not None:
             here = np.linalg.norm(place - doubt.place, axis=1) < 0.5 * _REACH * radii
             near[doubt.kind if doubt.kind in near else "other"] += here * doubt.amount
-    return {
-        "height": np.minimum(odds, _MAX_LOG_ODDS),
-        "cut": np.minimum(np.maximum(1.0 - rise, 0.0), _MAX_CUT),
-        "flat angle": np.maximum(_FLAT_ANGLE - angle, 0.0) / _FLAT_ANGLE,
-        **{f"{kind} doubt": 1.0 - np.exp(-_STEEPNESS * amount) for kind, amount in near.items()},
-    }
+    with np.errstate(under="ignore"):
+        return {
+            "height": np.minimum(odds, _MAX_LOG_ODDS),
+            "cut": np.minimum(np.maximum(1.0 - rise, 0.0), _MAX_CUT),
+            "flat angle": np.maximum(_FLAT_ANGLE - angle, 0.0) / _FLAT_ANGLE,
+            **{f"{kind} doubt": 1.0 - np.exp(-_STEEPNESS * amount) for kind, amount in near.items()},
+        }

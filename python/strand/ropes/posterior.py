@@ -57,9 +57,10 @@ class Posterior:
         odds = self.intercept + sum(
             self.weights.get(name, 0.0) * np.asarray(value) for name, value in evidence.items()
         )
-        fitted = np.exp(-np.asarray(bound)) / (1.0 + np.exp(-odds))
-        shares = np.array([1.0, *(self.share * np.exp(-max(cost, 0.0) / self.scale) for cost in costs)])
-        return np.asarray(np.multiply.outer(shares / shares.sum(), fitted))
+        with np.errstate(under="ignore", over="ignore"):
+            fitted = np.exp(-np.asarray(bound)) / (1.0 + np.exp(-odds))
+            shares = np.array([1.0, *(self.share * np.exp(-max(cost, 0.0) / self.scale) for cost in costs)])
+            return np.asarray(np.multiply.outer(shares / shares.sum(), fitted))
 
 
 @cache

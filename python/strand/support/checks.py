@@ -9,20 +9,25 @@ from __future__ import annotations
 import math
 import operator
 import os
-from collections.abc import Iterable, Sequence
+import reprlib
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+_Kind = TypeVar("_Kind")
 
 _MAX_ROTATION_ERROR = 1e-6  # how far R R^T may be from the identity, in any entry
 _MAX_LAST_ROW_ERROR = 1e-9  # how far the last row of a pose may be from (0, 0, 0, 1)
 _MAX_ROTATION_ENTRY = 2.0  # larger entries could overflow in R R^T
 _MAX_NESTING = 4  # lists in lists, deeper than any argument's
 _PLAIN = frozenset((bool, int, float))  # entries of lists that hold no array
+_NUMBERS = frozenset((int, float, np.float64, np.int64))  # entries of lists that are no flags
+_FLAGS = frozenset((bool, np.bool_))
+_MOST = 2**63 - 1  # whole numbers of 64 bits, as kernels and tables hold them
 
 
 def check_number(name: str, value: Any) -> float:
@@ -48,7 +53,7 @@ def check_positive(name: str, value: Any, most: float = math.inf) -> float:
     except ValueError:
         found = math.nan
     if not found > 0:
-        raise ValueError(f"{name}: expected a positive number, got {value}")
+        raise ValueError(f"{name}: expected a positive number, got {_show(value)}")
     if found > most:
         raise ValueError(f"{name}: expected at most {most:g}, got {value}")
     return found
@@ -73,11 +78,11 @@ def check_nonnegative(name: str, value: Any) -> float:
     except ValueError:
         found = math.nan
     if not found >= 0:
-        raise ValueError(f"{name}: expected a number >= 0, got {value}")
+        raise ValueError(f"{name}: expected a number >= 0, got {_show(value)}")
     return found
 
 
-def check_integer(name: str, value: Any, least: int = 0, most: float = math.inf) -> int:
+def check_integer(name: str, value: Any, least: int = 0, most: int = _MOST) -> int:
     """Return `value` as an int from `least` to `most`."""
     try:
         if isinstance(value, (bool, np.bool_, np.ma.MaskedArray)):
@@ -86,10 +91,26 @@ def check_integer(name: str, value: Any, least: int = 0, most: float = math.inf)
     except TypeError:
         raise TypeError(f"{name}: expected an integer, got {type(value).__name__}") from None
     if found < least:
-        raise ValueError(f"{name}: expected at least {least}, got {found}")
+        raise ValueError(f"{name}: expected at least {least}, got {_show(found)}")
     if found > most:
-        raise ValueError(f"{name}: expected at most {most}, got {found}")
+        raise ValueError(f"{name}: expected at most {most}, got {_show(found)}")
     return found
+
+
+def _show(number: Any) -> str:
+    """Return a number as text; Python refuses to write whole numbers of thousands of digits."""
+    try:
+        return str(number)
+    except ValueError:
+        return describe_value(number)
+
+
+def describe_value(value: Any) -> str:
+    """Return a short text that shows a value of any size or depth in a message."""
+    try:
+        return reprlib.repr(value)
+    except ValueError:  # a whole number of thousands of digits
+        return f"a long {type(value).__name__}"
 
 
 def check_bool(name: str, value: Any) -> bool:
@@ -119,9 +140,9 @@ def check_path(name: str, value: Any) -> Path:
 def check_choice(name: str, value: Any, accepted: tuple[str, ...]) -> str:
     """Return `value`, which must be one of the accepted words."""
     if not isinstance(value, str):
-        raise TypeError(f"{name}: expected one of {', '.join(accepted)}, got {value!r}")
+        raise TypeError(f"{name}: expected one of {', '.join(accepted)}, got {describe_value(value)}")
     if value not in accepted:
-        raise ValueError(f"{name}: expected one of {', '.join(accepted)}, got {value!r}")
+        raise ValueError(f"{name}: expected one of {', '.join(accepted)}, got {describe_value(value)}")
     return value
 
 
@@ -131,17 +152,21 @@ def check_fraction_or_nan(name: str, value: float) -> float:
         return float("nan")
     share = check_number(name, value)
     if not 0.0 <= share <= 1.0:
-        raise ValueError(f"{name}: expected a number from 0 to 1, or NaN, got {value}")
+        raise ValueError(f"{name}: expected a number from 0 to 1, or NaN, got {_show(value)}")
     return share
 
 
-def check_instances(name: str, values: Sequence[Any], kind: type[Any]) -> tuple[Any, ...]:
+def check_instance(name: str, value: Any, kind: type[_Kind]) -> _Kind:
+    """Return `value`, which must be an instance of a type."""
+    if not isinstance(value, kind):
+        raise TypeError(f"{name}: expected type {kind.__name__}, got {type(value).__name__}")
+    return value
+
+
+def check_instances(name: str, values: Iterable[Any], kind: type[_Kind]) -> tuple[_Kind, ...]:
     """Return a sequence of instances of one type as a tuple."""
     held = check_sequence(name, values, kind.__name__)
-    for i, one in enumerate(held):
-        if not isinstance(one, kind):
-            raise TypeError(f"{name}[{i}]: expected type {kind.__name__}, got {type(one).__name__}")
-    return held
+    return tuple(check_instance(f"{name}[{i}]", one, kind) for i, one in enumerate(held))
 
 
 def check_sequence(name: str, value: Iterable[Any], content: str) -> tuple[Any, ...]:
@@ -168,11 +193,11 @@ def check_radius(radius: float) -> float:
     try:
         found = check_number("radius", radius)
     except TypeError:
-        raise TypeError(f"radius: expected a number of metres, got {radius!r}") from None
+        raise TypeError(f"radius: expected a number of metres, got {describe_value(radius)}") from None
     except ValueError:
         found = 0.0
     if found <= 0:
-        raise ValueError(f"radius: expected a positive number of metres, got {radius}")
+        raise ValueError(f"radius: expected a positive number of metres, got {_show(radius)}")
     return found
 
 
@@ -183,9 +208,22 @@ def to_array(name: str, value: ArrayLike) -> NDArray[Any]:
     """
     refuse_masks_and_units(name, value)
     try:
-        return np.asarray(value)
+        array = np.asarray(value)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
+    if array.dtype.kind in "iuf" and _holds_flag(value):
+        raise TypeError(f"{name}: expected numbers, got True or False among them")
+    return array
+
+
+def _holds_flag(value: Any, depth: int = _MAX_NESTING) -> bool:
+    """Tell whether a list, or a list in it, holds a bool, which NumPy would take for 0 or 1."""
+    if isinstance(value, (list, tuple)) and depth > 0:
+        kinds = set(map(type, value))
+        return not _FLAGS.isdisjoint(kinds) or (
+            not _NUMBERS.issuperset(kinds) and any(_holds_flag(entry, depth - 1) for entry in value)
+        )
+    return isinstance(value, np.ndarray) and value.dtype == np.bool_
 
 
 def refuse_masks_and_units(name: str, value: Any, depth: int = _MAX_NESTING) -> None:
@@ -240,9 +278,21 @@ def check_float_array(name: str, value: ArrayLike, shape: tuple[int | str, ...])
     ):
         wanted = ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "")
         raise ValueError(f"{name}: expected shape ({wanted}), got {array.shape}")
-    # NumPy may warn when it converts NaN, or long doubles that overflow
-    with np.errstate(invalid="ignore", over="ignore"):
-        return np.ascontiguousarray(array, dtype=np.float64)
+    return _convert(array)
+
+
+def _convert(array: NDArray[Any]) -> Array:
+    # NumPy may warn when it converts NaN, or long doubles that are too large or too small
+    with np.errstate(all="ignore"):
+        return np.asarray(array, dtype=np.float64, order="C")
+
+
+def check_numbers(name: str, value: ArrayLike) -> Array:
+    """Return finite numbers of any shape as float64; whole numbers are accepted."""
+    array = to_array(name, value)
+    if array.dtype.kind not in "fiu":
+        raise TypeError(f"{name}: expected numbers, got dtype {array.dtype}")
+    return _check_finite(name, _convert(array))
 
 
 def check_finite_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:

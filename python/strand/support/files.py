@@ -8,7 +8,6 @@ import json
 import math
 import os
 import re
-import reprlib
 import secrets
 import stat
 import sys
@@ -20,6 +19,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from strand._core import StrandError
+from strand.support.checks import check_path
 from strand.support.extras import import_extra
 from strand.support.rights import copy_rights
 
@@ -75,19 +75,12 @@ class FileFormatError(StrandError, ValueError):
         return cls(file, str(error) or type(error).__name__)
 
 
-def describe_value(value: Any) -> str:
-    """Return a short text that shows a value of any size or depth in a message."""
-    try:
-        return reprlib.repr(value)
-    except ValueError:  # a whole number of thousands of digits
-        return f"a long {type(value).__name__}"
-
-
 def open_file(path: str | os.PathLike[str]) -> BinaryIO:
     """Open a regular file, or a link to one, for reading.
 
     Devices, pipes and sockets raise FileFormatError: reading them may block for ever or never end.
     """
+    path = check_path("path", path)
     # check before opening, which alone may block; check again, as another file may have taken its place
     _require_regular(path, os.stat(path).st_mode)
     file = open(path, "rb", opener=_open_without_waiting)  # noqa: SIM115
@@ -135,7 +128,7 @@ def read_at(file: BinaryIO, place: int, size: int) -> bytes:
 
 def require_writable(path: str | os.PathLike[str], links: bool = False) -> Path:
     """Raise OSError if `replace_file` cannot write a file later; return its path with links resolved."""
-    target = Path(os.path.realpath(path))
+    target = Path(os.path.realpath(check_path("path", path)))
     if target.is_symlink():  # a link to itself
         raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
     if target.exists() and not target.is_file():
@@ -155,10 +148,10 @@ def require_writable(path: str | os.PathLike[str], links: bool = False) -> Path:
 
 def check_suffix(path: str | os.PathLike[str], accepted: tuple[str, ...]) -> str:
     """Return the suffix of a file's name without the dot, one of the accepted ones."""
-    suffix = Path(path).suffix.lower()[1:]
+    suffix = check_path("path", path).suffix.lower()[1:]
     if suffix not in accepted:
         ends = " or ".join(f".{one}" for one in accepted)
-        raise ValueError(f"{os.fspath(path)}: expected a name that ends with {ends}")
+        raise ValueError(f"path: {os.fspath(path)}: expected a name that ends with {ends}")
     return suffix
 
 

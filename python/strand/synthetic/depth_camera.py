@@ -17,10 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from strand.support.checks import (
     Array,
     check_finite_array,
+    check_instance,
     check_intrinsics,
     check_nonnegative,
     check_positive,
     check_sequence,
+    check_text,
 )
 from strand.synthetic.fields import check_pixels, dilate, draw_field
 
@@ -99,6 +101,7 @@ class DepthCamera:
     patch: float = 1.5
 
     def __post_init__(self) -> None:
+        check_text("name", self.name)
         if self.baseline is not None:
             check_positive("baseline", self.baseline)
         for name in ("sd", "uneven", "background", "amplitude", "step"):
@@ -111,10 +114,11 @@ class DepthCamera:
             if check_nonnegative(name, getattr(self, name)) > 1:
                 raise ValueError(f"{name}: expected a fraction from 0 to 1, got {getattr(self, name)}")
         for i, part in enumerate(check_sequence("grain", self.grain, "pairs")):
-            if len(part) != 2:
-                raise ValueError(f"grain[{i}]: expected a smoothness and a share, got {part!r}")
-            check_pixels(f"grain[{i}][0]", part[0])
-            check_nonnegative(f"grain[{i}][1]", part[1])
+            pair = check_sequence(f"grain[{i}]", part, "a smoothness and a share")
+            if len(pair) != 2:
+                raise ValueError(f"grain[{i}]: expected a smoothness and a share, got {len(pair)} entries")
+            check_pixels(f"grain[{i}][0]", pair[0])
+            check_nonnegative(f"grain[{i}][1]", pair[1])
         if not sum(share for _, share in self.grain) > 0:
             raise ValueError("grain: expected at least one field with a share above 0")
 
@@ -202,8 +206,7 @@ class DepthCamera:
             raise ValueError(f"depth: expected depths >= 0, got {exact.min()}")
         focal_length = float(check_intrinsics("intrinsics", intrinsics)[0, 0])
         depth_scale = check_positive("depth_scale", depth_scale)
-        if not isinstance(rng, np.random.Generator):
-            raise TypeError(f"rng: expected a numpy.random.Generator, got {type(rng).__name__}")
+        check_instance("rng", rng, np.random.Generator)
         returned = exact > 0
         inverse = np.divide(1.0, exact, out=np.zeros_like(exact), where=returned)
         bend = _compute_bend(inverse)
@@ -214,7 +217,8 @@ class DepthCamera:
         measured = exact if to_disparity is None else to_disparity * inverse
         # the draws do not depend on the parameters: with another error, the same pixels lack depth
         measured = self._displace(measured, near_bend, returned, rng)
-        measured = self._average(measured, near_bend, returned)
+        with np.errstate(under="ignore"):  # weights across a large step
+            measured = self._average(measured, near_bend, returned)
         error, total = np.zeros_like(exact), sum(share for _, share in self.grain)
         for smoothness, share in self.grain:
             error += math.sqrt(share / total) * draw_field(exact.shape, smoothness, rng)

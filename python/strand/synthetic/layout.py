@@ -8,9 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand.support.checks import Array, check_number, check_positive, check_sequence
+from strand.support.checks import (
+    Array,
+    check_finite_array,
+    check_integer,
+    check_number,
+    check_positive,
+    check_sequence,
+)
 from strand.synthetic.camera import TABLE_ELEVATION, camera_pose, find_least_distance, spread_azimuths
-from strand.synthetic.rendering import TABLE, check_rope
+from strand.synthetic.rendering import TABLE, check_rope, check_size
 from strand.synthetic.shapes import LONGEST
 
 _LEAST_DISTANCE = 76.0  # radii, from a camera to the origin: 0.32 m for a rope 8.4 mm thick
@@ -63,6 +70,9 @@ class Layout:
         self, views: int, nodes: Array, radius: float, size: tuple[int, int]
     ) -> tuple[Array, float]:
         """Return (V, 4, 4) poses of cameras that see all nodes of the ropes, and their distance, metres."""
+        views, size = check_integer("views", views, 1), check_size(size)
+        nodes = check_finite_array("nodes", nodes, ("N", 3))
+        radius = check_positive("radius", radius, LONGEST)
         azimuths = spread_azimuths(views, self.wall is not None)
         elevation = self.elevation
         if elevation is None:
@@ -76,6 +86,7 @@ class Layout:
 
         `distance` is the cameras' distance from the origin, metres.
         """
+        distance = check_positive("distance", distance)
         if self.wall is None:
             return np.eye(4), max(TABLE, 3.0 * distance)
         motion = np.eye(4)

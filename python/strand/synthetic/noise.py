@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.support.checks import Array, check_finite_array, check_nonnegative, check_positive
+from strand.support.checks import Array, check_finite_array, check_instance, check_nonnegative, check_positive
 
 DEFAULT_FLYING = 0.05  # fraction of the pixels at steps in depth that fly
 
@@ -54,6 +54,7 @@ class Noise:
     def misplace(self, poses: Array, rng: np.random.Generator) -> Array:
         """Return (V, 4, 4) camera-to-world poses with errors; the middle view's pose stays exact."""
         poses = check_finite_array("poses", poses, ("V", 4, 4))
+        check_instance("rng", rng, np.random.Generator)
         errors = rng.normal(size=(len(poses), 3)) * (self.turn, self.shift, self.shift)
         errors[len(poses) // 2] = 0.0
         return np.stack([_displace(pose, *error) for pose, error in zip(poses, errors, strict=True)])
@@ -122,8 +123,7 @@ def sense(
     exact = check_finite_array("depth", depth, ("H", "W"))
     noise, flying = check_nonnegative("noise", noise), _check_flying(flying)
     step, depth_scale = check_positive("step", step), check_positive("depth_scale", depth_scale)
-    if not isinstance(rng, np.random.Generator):
-        raise TypeError(f"rng: expected a numpy.random.Generator, got {type(rng).__name__}")
+    check_instance("rng", rng, np.random.Generator)
     returned = exact > 0
     height, width = exact.shape
     padded = np.pad(exact, 1)

@@ -10,7 +10,15 @@ from numpy.typing import ArrayLike, NDArray
 
 import strand._core as _core
 from strand.geometry.polyline import path_length
-from strand.support.checks import Array, check_integer, check_nonnegative, check_sequence, check_small_array
+from strand.support.checks import (
+    Array,
+    check_choice,
+    check_instance,
+    check_integer,
+    check_nonnegative,
+    check_sequence,
+    check_small_array,
+)
 from strand.synthetic.rendering import check_size, render_depth
 from strand.synthetic.scenes import SyntheticScene
 from strand.synthetic.tabletops import TEXTURES, draw_texture, look_up
@@ -67,14 +75,17 @@ class Paint:
     light: RGB = (0.4, 0.3, 1.0)
 
     def __post_init__(self) -> None:
-        if self.texture not in TEXTURES:
-            raise ValueError(f"texture: expected one of {', '.join(TEXTURES)}, got {self.texture!r}")
+        check_choice("texture", self.texture, TEXTURES)
         for name in ("shadow", "softness", "highlight", "noise"):
             check_nonnegative(name, getattr(self, name))
         for name in ("table", "light"):
             check_small_array(name, getattr(self, name), (3,))
-        if not check_sequence("ropes", self.ropes, "colours of ropes"):
+        ropes = check_sequence("ropes", self.ropes, "colours of ropes")
+        if not ropes:
             raise ValueError("ropes: expected the colours of at least one rope, got none")
+        for i, rope in enumerate(ropes):
+            for color in check_sequence(f"ropes[{i}]", rope, "colours"):
+                check_small_array(f"ropes[{i}]", color, (3,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +137,8 @@ def paint_scene(
     >>> color.shape, int(labels.max())
     ((1, 48, 64, 3), 1)
     """
-    paint = Paint() if paint is None else paint
+    check_instance("scene", scene, SyntheticScene)
+    paint = Paint() if paint is None else check_instance("paint", paint, Paint)
     rng = np.random.default_rng(check_integer("seed", seed, 0))
     texture = draw_texture(paint.texture, np.asarray(paint.table), rng)
     height, width = scene.depth.shape[1:]

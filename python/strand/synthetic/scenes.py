@@ -206,6 +206,7 @@ def scene(
     >>> made.depth.shape
     (2, 48, 64)
     """
+    chains = None if chains is None else check_sequence("chains", chains, "arrays")
     radius, radii = _check_radii(radius, chains)
     views = check_integer("views", views, 1, _MAX_VIEWS)
     camera, noise = _check_instance("camera", camera, Camera), _check_instance("noise", noise, Noise)
@@ -275,6 +276,8 @@ def _check_radii(
 ) -> tuple[float, tuple[float, ...]]:
     """Return the ropes' mean radius, metres, and that of each, or none where there is one for all."""
     refuse_masks_and_units("radius", radius)
+    if isinstance(radius, np.ndarray) and radius.ndim == 0:
+        radius = radius[()]
     if isinstance(radius, (str, bytes)) or not isinstance(radius, (Sequence, np.ndarray)):
         return check_positive("radius", radius, LONGEST), ()
     radii = tuple(check_positive(f"radius[{i}]", each, LONGEST) for i, each in enumerate(radius))
@@ -308,8 +311,7 @@ def _find_ropes(
         return name, (_place_shape(name, radius, length, rng),)
     if length is not None:
         raise ValueError("length: expected none along with chains, which have their own")
-    given = check_sequence("chains", chains, "arrays")
-    ropes = tuple(check_rope(f"chains[{i}]", chain) for i, chain in enumerate(given))
+    ropes = tuple(check_rope(f"chains[{i}]", chain) for i, chain in enumerate(chains))
     if not ropes:
         raise ValueError("chains: expected at least one rope, got none")
     return "chains" if name is None else name, ropes

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.support.checks import check_integer, check_nonnegative, to_array
+from strand.support.checks import check_instance, check_integer, check_nonnegative, to_array
 from strand.synthetic.fields import check_pixels, dilate, draw_field
 
 _EDGE_SMOOTHNESS = 1.5  # pixels: smoothness of the edge's displacement
@@ -79,6 +79,7 @@ class Segmentation:
         ropes = to_array("ropes", ropes)
         if ropes.ndim != 2 or ropes.dtype != np.bool_:
             raise ValueError(f"ropes: expected bools of shape (H, W), got {ropes.dtype} of {ropes.shape}")
+        check_instance("rng", rng, np.random.Generator)
         mask = _fill_corners(ropes, self.filled) if self.filled >= 1 else ropes
         mask = dilate(mask, self.grow) if self.grow >= 0 else ~dilate(~mask, -self.grow)
         height, width = mask.shape

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand.geometry.plane import Plane
-from strand.support.checks import Array
+from strand.support.checks import Array, describe_value
 from strand.tracking.events import WatchedCrossing
 from strand.tracking.holding import Held, Place
 from strand.tracking.masks import Appearance
@@ -140,9 +140,9 @@ def unpack_state(state: Mapping[str, Any]) -> SavedState:
     for name in ("version", "time", "counts", "biases", "up", "table", "crossings", "holds"):
         if name not in state:
             raise ValueError(f"state: expected the arrays of Tracker.state, got none named {name!r}")
-    version = int(np.asarray(state["version"]))
-    if version != VERSION:
-        raise ValueError(f"state: expected version {VERSION}, got {version}")
+    version = np.asarray(state["version"])
+    if version.dtype.kind not in "iu" or version.shape or version != VERSION:
+        raise ValueError(f"state: expected version {VERSION}, got {describe_value(version.tolist())}")
     try:
         return _unpack(state)
     except (KeyError, IndexError, TypeError, ValueError) as error:

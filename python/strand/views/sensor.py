@@ -7,7 +7,7 @@ import difflib
 import math
 from dataclasses import dataclass
 
-from strand.support.checks import check_nonnegative, check_number, check_positive
+from strand.support.checks import check_nonnegative, check_number, check_positive, describe_value
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ def find_preset(name: str) -> Sensor:
         If there is no such camera.
     """
     if not isinstance(name, str):
-        raise TypeError(f"Config.sensor: expected a Sensor or a camera's name, got {name!r}")
+        raise TypeError(f"Config.sensor: expected a Sensor or a camera's name, got {describe_value(name)}")
     wanted = _shorten_name(name)
     for known, sensor in PRESETS.items():
         if _shorten_name(known) == wanted:

@@ -411,8 +411,8 @@ fn what_is_no_polyline_is_refused() {
     assert!(said(&[line[0], line[1], line[0]], true).contains("first node again"));
     assert!(said(&[line[0], [f64::NAN; 3]], false).contains("finite"));
     let flat: Vec<Point> = closed_braid(&[1, 1, 1]).iter().map(|&[x, y, _]| [x, y, 0.0]).collect();
-    assert!(said(&flat, true).contains("meet itself"));
-    assert!(said(&flat, false).contains("meet itself"));
+    assert!(said(&flat, true).contains("meets itself"));
+    assert!(said(&flat, false).contains("meets itself"));
 }
 
 #[test]

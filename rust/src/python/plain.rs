@@ -11,8 +11,8 @@ use super::called::text_of;
 /// Lists in lists, deeper than any argument's.
 const MAX_NESTING: usize = 4;
 
-/// Refuses arrays with a mask or a unit, alone or in lists: NumPy would take the numbers under the mask, and drop the
-/// unit. Other subclasses, such as matrices and memory maps, count as the plain numbers that they hold.
+/// Refuses arrays with a mask or a unit, alone or in lists, and bools in lists: NumPy would take the numbers under the
+/// mask, drop the unit, and take bools for 0 or 1. Other subclasses, such as matrices and memory maps, count as the plain numbers that they hold.
 pub(super) fn refuse_masks_and_units(name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
     refuse_nested(name, value, 0)
 }
@@ -36,12 +36,25 @@ fn refuse_nested(name: &str, value: &Bound<'_, PyAny>, nesting: usize) -> PyResu
     {
         for entry in value.try_iter()? {
             let entry = entry?;
-            if !entry.is_instance_of::<PyFloat>() {
-                refuse_nested(name, &entry, nesting + 1)?;
+            if entry.is_instance_of::<PyFloat>() {
+                continue;
             }
+            if is_flag(&entry) {
+                return Err(PyTypeError::new_err(format!(
+                    "{name}: expected numbers, got True or False among them"
+                )));
+            }
+            refuse_nested(name, &entry, nesting + 1)?;
         }
     }
     Ok(())
+}
+
+/// Returns whether a value is a bool of Python or NumPy, which NumPy takes for 0 or 1 in a list.
+fn is_flag(value: &Bound<'_, PyAny>) -> bool {
+    let kind = || value.getattr("dtype")?.getattr("kind")?.extract::<String>();
+    value.is_instance_of::<PyBool>()
+        || (!value.is_instance_of::<PyInt>() && kind().is_ok_and(|kind| kind == "b"))
 }
 
 /// Takes a number: of Python, a scalar of NumPy, or an array without a dimension.

@@ -229,9 +229,9 @@ def test_long_recordings_are_worked_on_in_stretches(folder, every, stretch, expe
 
 def test_one_path_in_place_of_several_is_refused(folder, monkeypatch):
     monkeypatch.chdir(folder)
-    with pytest.raises(TypeError, match="given: expected a sequence of paths, got str"):
+    with pytest.raises(TypeError, match="recordings: expected a sequence of paths, got str"):
         next(find_units("a.npz", Settings(), folder))
-    with pytest.raises(ValueError, match="given: expected a path, got an empty text"):
+    with pytest.raises(ValueError, match="recordings: expected a path, got an empty text"):
         next(find_units([""], Settings(), folder))
     with pytest.raises(TypeError, match="root: expected a path, got NoneType"):
         next(find_units(["a.npz"], Settings(), None))

@@ -59,7 +59,7 @@ def test_frames_at_single_places_and_outside_of_the_chain():
     for call in (chain.frames_at, chain.curvature_vector_at, chain.torsion_at, chain.tangent_at):
         with pytest.raises(ValueError, match="s: expected finite"):
             call([0.1, np.nan])
-        with pytest.raises(TypeError, match="s: expected arc lengths"):
+        with pytest.raises(TypeError, match="s: expected numbers"):
             call("here")
 
 

@@ -128,7 +128,7 @@ def test_a_fit_can_be_pickled_and_changed():
     assert (wider.radius(0), fit.radius(0)) == (0.005, 0.004)
     assert wider.points is fit.points
     assert len(repr(fit).splitlines()) == 1
-    with pytest.raises(IndexError, match="curve 1"):
+    with pytest.raises(ValueError, match="curve: expected the number of one of"):
         fit.radius(1)
 
 

@@ -121,7 +121,7 @@ def test_directions_that_are_none(direction, message):
 
 
 def test_a_plan_that_meets_itself_has_no_diagram():
-    with pytest.raises(ValueError, match="points: expected a curve that does not meet itself"):
+    with pytest.raises(strand.NotEnoughDataError, match="points: the curve meets itself"):
         strand.knot_diagram(shape("loop") * [1, 1, 0])
     with pytest.raises(TypeError, match="closed"):
         strand.knot_diagram(shape("loop"), 1.5)

@@ -223,11 +223,11 @@ def test_the_next_view_leaves_out_a_camera_in_a_rope():
     poses[0, :3, 3] = place
     model = strand.Model((CHAIN,), poses, joins=(Join(place, (0,), 1.0),))
     assert np.isfinite(model.next_view()[0].pose).all()
-    with pytest.raises(ValueError, match="poses"):
+    with pytest.raises(strand.NotEnoughDataError, match="poses"):
         replace(model, poses=poses[:1]).next_view()
-    with pytest.raises(ValueError, match="poses"):
+    with pytest.raises(strand.NotEnoughDataError, match="poses"):
         replace(model, poses=poses[:0]).next_view()
-    with pytest.raises(ValueError, match="chains"):
+    with pytest.raises(strand.NotEnoughDataError, match="chains"):
         replace(model, chains=()).next_view()
 
 

@@ -7,7 +7,6 @@ import sys
 from array import array
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,9 +27,11 @@ from strand.io.recordings.transforms import TF_KINDS, Transforms, read_stamp
 from strand.support.checks import (
     Array,
     check_bool,
+    check_instance,
     check_integer,
     check_intrinsics,
     check_nonnegative,
+    check_path,
     check_positive,
     check_rigid_motion,
     check_sequence,
@@ -140,7 +141,7 @@ class Recording:
         camera = None if intrinsics is None else check_intrinsics("intrinsics", intrinsics)
         scale = None if depth_scale is None else check_positive("depth_scale", depth_scale)
         ignore = check_bool("ignore_distortion", ignore_distortion)
-        self.path = Path(path)
+        self.path = check_path("path", path)
         self._bag = Bag(self.path, check_integer("max_bytes", max_bytes, 1))
         try:
             self.files = self._bag.files
@@ -293,6 +294,7 @@ class Recording:
 
     def decode(self, frame: UndecodedFrame) -> Frame:
         """Decode a frame; raise FileFormatError if one of its messages is damaged."""
+        check_instance("frame", frame, UndecodedFrame)
         budget = self._bag.budget.copy()
         budget.take(self.path, frame.held, frame.messages[0].place)
         views, stamps = [], []

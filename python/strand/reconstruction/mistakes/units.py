@@ -81,7 +81,7 @@ def refuse_poses_in_other_units(extract: Extract) -> None:
         if _SAME_PLACE < apart < near + far:
             return
     raise ValueError(
-        f"poses: cameras stand up to {away.max():.0f} m from the world's origin, but see only "
+        f"views: cameras stand up to {away.max():.0f} m from the world's origin, but see only "
         f"{np.median(depths):.2g} m far; are the translations in metres? If so, give bounds, or poses in "
         "a frame near the ropes"
     )

@@ -13,7 +13,7 @@ from strand.reconstruction.stages import Run
 from strand.reconstruction.tubes.arcs import fit_arcs, trace_arcs
 from strand.reconstruction.tubes.clouds import Clouds
 from strand.reconstruction.tubes.fitting import ROUGH_TOLERANCE, fit_curves, make_splines
-from strand.support.checks import Array, check_radius, check_rigid_motion
+from strand.support.checks import Array, check_instance, check_radius, check_rigid_motion
 from strand.views.box import Bounds, make_box
 from strand.views.view import View, check_views
 
@@ -95,8 +95,7 @@ def register_views(
     """
     config = Config() if config is None else config
     views, radius = check_views(views), check_radius(radius)
-    if not isinstance(config, Config):
-        raise TypeError(f"config: expected a Config, got {config!r}")
+    check_instance("config", config, Config)
     if bounds is not None:
         views = [view.crop(bounds) for view in views]
     clouds = Clouds.from_views(views, None if bounds is None else make_box(bounds))

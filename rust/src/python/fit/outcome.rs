@@ -4,13 +4,14 @@ use numpy::ndarray::Dimension;
 use numpy::{
     Element, PyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyUntypedArrayMethods,
 };
-use pyo3::exceptions::{PyIndexError, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use crate::python::arguments::{Array, FloatArray, number, require_same_length, wrong_shape};
+use crate::python::arguments::{Array, FloatArray, count, number, require_same_length, wrong_shape};
 use crate::python::arrays::{Constant, array, constant};
 use crate::python::called::called_method;
+use crate::python::plain::refuse_masks_and_units;
 use crate::tubes::tubefit::{OnCurve, deviations};
 
 /// The result of `strand.fit_tubes`; its arrays are read-only.
@@ -128,12 +129,22 @@ impl TubeFit {
     }
 
     /// Return the radius of a curve, metres.
-    fn radius(&self, py: Python<'_>, curve: usize) -> PyResult<f64> {
+    ///
+    /// Raises
+    /// ------
+    /// TypeError, ValueError
+    ///     If `curve` is not the number of a curve.
+    fn radius(&self, py: Python<'_>, curve: &Bound<'_, PyAny>) -> PyResult<f64> {
         self.of_class(py, &self.radii, curve)
     }
 
     /// Return Tukey's last limit for a curve, metres.
-    fn band(&self, py: Python<'_>, curve: usize) -> PyResult<f64> {
+    ///
+    /// Raises
+    /// ------
+    /// TypeError, ValueError
+    ///     If `curve` is not the number of a curve.
+    fn band(&self, py: Python<'_>, curve: &Bound<'_, PyAny>) -> PyResult<f64> {
         self.of_class(py, &self.bands, curve)
     }
 
@@ -239,10 +250,19 @@ impl TubeFit {
     }
 
     /// Returns the value for the class of a curve's radius.
-    fn of_class(&self, py: Python<'_>, values: &Py<PyArray1<f64>>, curve: usize) -> PyResult<f64> {
+    fn of_class(
+        &self,
+        py: Python<'_>,
+        values: &Py<PyArray1<f64>>,
+        curve: &Bound<'_, PyAny>,
+    ) -> PyResult<f64> {
         let classes = Array::<i64>::exactly("radius_classes", self.radius_classes.bind(py), 1)?;
-        let class = classes.slice().get(curve).copied();
-        let class = class.ok_or_else(|| PyIndexError::new_err(format!("there is no curve {curve}")))?;
+        let (curve, curves) = (count("curve", curve)?, classes.slice().len());
+        let class = classes.slice().get(curve).copied().ok_or_else(|| {
+            PyValueError::new_err(format!(
+                "curve: expected the number of one of {curves} curves, got {curve}"
+            ))
+        })?;
         Ok(FloatArray::new("radii", values.bind(py))?.slice()[class as usize])
     }
 
@@ -266,21 +286,23 @@ fn own<T: Element + Copy + 'static, D: Dimension>(
     name: &str,
     array: Py<PyArray<T, D>>,
 ) -> PyResult<Py<PyArray<T, D>>> {
-    kept(py, array, |values, dimensions| Array::exactly(name, values, dimensions))
+    kept(py, name, array, |values, dimensions| Array::exactly(name, values, dimensions))
 }
 
 /// Makes an array of flags read-only.
 fn own_flags(py: Python<'_>, name: &str, array: Py<PyArray1<bool>>) -> PyResult<Py<PyArray1<bool>>> {
-    kept(py, array, |values, dimensions| Array::flags(name, values, dimensions))
+    kept(py, name, array, |values, dimensions| Array::flags(name, values, dimensions))
 }
 
 /// Returns the array if nobody can write to it, or a read-only array of its values that `taken` returns in C order.
 fn kept<T: Element + Copy + 'static, D: Dimension>(
     py: Python<'_>,
+    name: &str,
     array: Py<PyArray<T, D>>,
     taken: impl FnOnce(&Bound<'_, PyAny>, usize) -> PyResult<Array<T>>,
 ) -> PyResult<Py<PyArray<T, D>>> {
     let given = array.bind(py);
+    refuse_masks_and_units(name, given)?;
     if Constant::of(given).is_some() {
         return Ok(array);
     }

@@ -80,12 +80,12 @@ def test_depths_in_centimetres_are_too_far_for_the_camera():
 
 def test_a_pose_in_millimetres_is_refused():
     view = make_view(pose=move_away(MADE.poses[0], [300.0, 0.0, 200.0]))
-    with pytest.raises(ValueError, match=r"poses: cameras stand .* are the translations in metres"):
+    with pytest.raises(ValueError, match=r"views: cameras stand .* are the translations in metres"):
         strand.reconstruct([view], MADE.radius)
     scaled = MADE.poses.copy()
     scaled[:, :3, 3] *= 1e3
     views = [make_view(d * MADE.depth_scale, pose=p) for d, p in zip(MADE.depth, scaled, strict=True)]
-    with pytest.raises(ValueError, match="poses: "):
+    with pytest.raises(ValueError, match="views: "):
         refuse_poses_in_other_units(extract_views(views, None))
 
 
