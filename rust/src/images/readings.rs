@@ -16,7 +16,9 @@ mod search;
 mod skeleton;
 #[cfg(test)]
 mod tests;
+mod widths;
 
 pub use ends::extend;
 pub use planar::resampled;
 pub use search::{find_readings, price};
+pub use widths::measure_strands;

@@ -244,7 +244,7 @@ impl Silhouette {
 }
 
 /// Returns the magnification of a mask of ropes of a radius, pixels.
-fn find_scale(radius_px: f64) -> usize {
+pub(crate) fn find_scale(radius_px: f64) -> usize {
     match radius_px {
         ..6.0 => 3,
         ..10.0 => 2,

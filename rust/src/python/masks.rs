@@ -7,11 +7,16 @@ use pyo3::prelude::*;
 use super::arguments::Array;
 use super::arrays::array;
 use super::released::released;
+use crate::checks::check_positive;
 use crate::images::image::{Image, find_blobs, measure_distances};
 use crate::images::outline;
 use crate::images::parts::count_parts;
+use crate::images::readings;
 use crate::images::silhouette::Silhouette;
 use crate::parallel;
+
+/// The columns and rows of a strand's nodes.
+type Strand<'py> = Bound<'py, PyArray2<f64>>;
 
 const MAX_STEPS: usize = 100_000; // steps of an outline at most; it takes hundreds
 
@@ -114,6 +119,26 @@ pub(super) fn find_short_outlines<'py>(
         parallel::map(&weights, |&weight| outline::find_short_outline(&evidence, weight, steps).values)
     })?;
     found.into_iter().map(|mask| array(py, mask, [height, width])).collect()
+}
+
+/// Measure the radius of ropes in a mask by the area of single strands, pixels, and their middles, columns and rows;
+/// None without such. `radius_px` is the radius roughly.
+#[pyfunction]
+pub(super) fn measure_strands<'py>(
+    py: Python<'py>,
+    mask: &Bound<'py, PyAny>,
+    radius_px: f64,
+) -> PyResult<Option<(f64, Vec<Strand<'py>>)>> {
+    let mask = Array::mask("mask", mask)?;
+    let [_, width] = mask.image_shape("mask")?;
+    check_positive("radius_px", radius_px)?;
+    let found = released(py, move || readings::measure_strands(mask.slice(), width, radius_px))?;
+    let Some((radius, strands)) = found else { return Ok(None) };
+    let strands = strands
+        .into_iter()
+        .map(|nodes| array(py, nodes.concat(), [nodes.len(), 2]))
+        .collect::<PyResult<_>>()?;
+    Ok(Some((radius, strands)))
 }
 
 /// Estimate a rope's radius in the image from the width of a mask, pixels; None if the mask shows no rope.

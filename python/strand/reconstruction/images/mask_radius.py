@@ -10,26 +10,25 @@ from strand.geometry.plane import Plane
 from strand.reconstruction.images.fat_masks import slim_fat_masks
 from strand.reconstruction.images.finer_grid import magnify_thin_ropes
 from strand.reconstruction.images.mask_parts import count_mask_parts, explain_many_parts
-from strand.reconstruction.images.prepare import prepare_images
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 
-_SEEN_HEIGHT = 0.85  # of a rope's height above its table: matchers and mixed pixels pull it down
+_SEEN_HEIGHT = 0.88  # of a rope's height above its table: matchers and mixed pixels pull it down
 _SD = 0.15  # of the radius: masks are a pixel too wide or too narrow, and depth is pulled
 _MIN_SHARE = 0.5  # of the radius by another measure: the least radius that counts
 _MAX_SHARE = 1.5  # of the same: the largest
 _MAX_BY_AREA = 2.0  # of the radius by a mask's widths, which raggedness makes smaller: the largest
-_ROUNDS = 3  # readings of the mask by the radius that the one before shows
+_ROUNDS = 3  # measurements of the mask by the radius that the one before shows
 _SAME = 0.05  # relative change of the radius: with less it has settled
 
 
 def estimate_mask_radius(image: DepthImage) -> tuple[Array, Array]:
     """Return the radius of ropes in a mask and its standard deviation, (1,) metres each.
 
-    A mask's area over twice the length of its ropes is their radius in the image. On a table, half of their
-    height is another estimate, and the mean of both is returned. A mask that is wider than what stands out of
-    the table is slimmed to that before.
+    The area of single strands in a mask over twice their length is their radius in the image. On a table,
+    half of their height is another estimate, and the mean of both is returned. A mask that is wider than what
+    stands out of the table is slimmed to that before.
 
     Raises
     ------
@@ -49,7 +48,7 @@ def estimate_mask_radius(image: DepthImage) -> tuple[Array, Array]:
 
 
 def _estimate_by_area(image: DepthImage) -> tuple[float, list[Array]]:
-    """Return the radius by a mask's area, metres, and the ropes that it was measured along, pixels."""
+    """Return the radius by a mask's area, metres, and the strands that it was measured along, pixels."""
     pixels = _core.estimate_mask_radius(image.mask)
     if pixels is None or np.isnan(image.distance):
         raise NotEnoughDataError("views: the masks show no rope with depth")
@@ -66,18 +65,16 @@ def _estimate_by_area(image: DepthImage) -> tuple[float, list[Array]]:
 
 
 def _measure_area(image: DepthImage, shown: float) -> tuple[float, list[Array]]:
-    """Return the radius by a mask's area and its ropes; `shown` is the radius by its widths, metres."""
+    """Return the radius by area, metres, and the single strands. `shown` is the radius by the widths."""
     scale = image.distance / image.camera.focal[0]
     radius = shown
     chains: list[Array] = []
     for _ in range(_ROUNDS):
-        readings = prepare_images([image], radius).find_readings(None, 1, [0])
-        chains = [nodes for _, _, ropes, _ in readings for nodes in ropes]
-        if not chains:
+        found = _core.measure_strands(image.mask, radius / scale)
+        if found is None:
             break
-        length = sum(float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum()) for nodes in chains)
-        by_area = np.count_nonzero(image.mask) / (2.0 * length) * scale
-        before, radius = radius, float(np.clip(by_area, _MIN_SHARE * shown, _MAX_BY_AREA * shown))
+        by_area, chains = found
+        before, radius = radius, float(np.clip(by_area * scale, _MIN_SHARE * shown, _MAX_BY_AREA * shown))
         if abs(radius / before - 1.0) < _SAME:
             break
     return radius, chains

@@ -27,6 +27,25 @@ def test_exact_masks_show_the_radius(camera, radius):
     assert abs(found - radius) < 2.0 * sd
 
 
+@pytest.mark.parametrize("width", [5, 9, 14])
+def test_strands_that_cross_are_as_wide_as_one(width):
+    rows, columns = np.mgrid[:300, :400]
+    level, slope = np.abs(rows - 150) <= width // 2, np.abs(rows - 0.7 * columns) * 0.8192 <= 0.5 * width
+    wide = 2 * (width // 2) + 1
+    radius, strands = _core.measure_strands(level, 0.5 * width)
+    assert radius == pytest.approx(0.5 * wide, rel=0.01)
+    assert np.abs(np.vstack(strands)[:, 1] - 150.0).max() <= 0.25
+    radius, strands = _core.measure_strands(level | slope, 0.5 * width)
+    assert radius == pytest.approx(0.25 * (wide + width), rel=0.02)
+    assert len(strands) == 4
+
+
+def test_a_disc_has_no_strands():
+    rows, columns = np.mgrid[:80, :80]
+    assert _core.measure_strands(np.hypot(rows - 40, columns - 40) < 25, 8.0) is None
+    assert _core.measure_strands(np.zeros((80, 80), dtype=bool), 8.0) is None
+
+
 def test_a_mask_without_rope_shows_no_radius():
     made = scene("arc", views=1, camera=Camera("zed"), mask=Segmentation())
     (image,) = make_rope_images(made.views, made.views, None)

@@ -1,0 +1,62 @@
+//! The radius of ropes in an image, by the area of single strands.
+
+use super::network::{SPURS, Skeleton};
+use super::planar::{Place, length};
+use crate::images::silhouette::{Silhouette, find_scale};
+
+const MIN_LENGTH: f64 = 4.0; // shorter strands may be spurs of a ragged mask, image radii
+/// The radius of a strand that counts as single at most, image radii: near strands are wider than far ones.
+const SLACK: f64 = 1.25;
+const MERGED: u32 = 1; // owner of pixels that measure nothing: where strands merge, and at ends
+
+/// Measures the radius of ropes in a mask, pixels, and returns the middles of its single strands. `radius_px` is the
+/// radius roughly.
+///
+/// A pixel of the mask belongs to the nearest place of its skeleton. The radius is half of the area of the single
+/// strands over their length. Where strands merge, and at ends, nothing is measured. None without a single strand.
+pub fn measure_strands(mask: &[bool], width: usize, radius_px: f64) -> Option<(f64, Vec<Vec<Place>>)> {
+    let widest = SLACK * radius_px;
+    let silhouette = Silhouette::new(mask, width, widest, find_scale(widest))?;
+    let skeleton = Skeleton::new(&silhouette, SPURS[0]);
+    let network = skeleton.read(widest, false, &[]);
+    let inside = &silhouette.inside;
+    let width = inside.width;
+    let mut owners = vec![0; inside.values.len()];
+    for zone in &network.zones {
+        zone.iter().for_each(|&i| owners[skeleton.pixel(i)] = MERGED);
+    }
+    let mut measured = 0.0;
+    let mut strands = Vec::new();
+    for (segment, owner) in network.segments.into_iter().zip(MERGED + 1..) {
+        let long = length(&segment.points);
+        if long < MIN_LENGTH * radius_px {
+            segment.path.iter().for_each(|&i| owners[skeleton.pixel(i)] = MERGED);
+            continue;
+        }
+        segment.path.iter().for_each(|&i| owners[skeleton.pixel(i)] = owner);
+        // pixels beyond an end are nearest to its last place
+        for i in [segment.path[0], segment.path[segment.path.len() - 1]] {
+            owners[skeleton.pixel(i)] = MERGED;
+        }
+        let between = segment.path.len() as f64 - 2.0;
+        measured += long * (between / (between + 1.0)).max(0.0);
+        strands.push(segment.points);
+    }
+    let mut open: Vec<usize> = (0..owners.len()).filter(|&k| owners[k] != 0).collect();
+    let mut area = 0usize;
+    while !open.is_empty() {
+        area += open.iter().filter(|&&k| owners[k] > MERGED).count();
+        let mut next = Vec::new();
+        for &k in &open {
+            for near in [k - width, k + 1, k + width, k - 1] {
+                if inside.values[near] && owners[near] == 0 {
+                    owners[near] = owners[k];
+                    next.push(near);
+                }
+            }
+        }
+        open = next;
+    }
+    let single = (silhouette.scale * silhouette.scale) as f64;
+    (measured > 0.0).then(|| (0.5 * area as f64 / single / measured, strands))
+}
