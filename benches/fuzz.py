@@ -3,11 +3,12 @@
 python benches/fuzz.py [--inputs N] [--seconds T] [--only NAME ...] [--corpus DIR]
 
 The targets are in `rust/src/fuzzing/`, the program in `fuzz/`. The stable compiler builds it, with a counter
-for each edge between blocks of code. Each target starts with the inputs in `tests/data/fuzzing/`, those of
-`--corpus`, and some at random. Inputs that reach something new go to `--corpus`. An answer that is not finite
-or not within limits ends a target, as do two minutes and 2 GB for one input. That input is kept beside the
-corpus as `NAME-crash-...`, and `--again FILE --only NAME` runs it once more. The exit code is 1 if there are
-crashes. Findings belong in `tests/data/fuzzing/`, whose inputs `cargo test` runs.
+for each edge between blocks of code. Each target runs with short inputs, then with long ones. It starts with
+the inputs in `tests/data/fuzzing/`, those of `--corpus`, and some at random. Inputs that reach something new
+go to `--corpus`. An answer that is not finite or not within limits ends a target, as do two minutes and 2 GB
+for one input. That input is kept beside the corpus as `NAME-crash-...`, and `--again FILE --only NAME` runs
+it once more. The exit code is 1 if there are crashes. Findings belong in `tests/data/fuzzing/`, whose inputs
+`cargo test` runs.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ COVERAGE = (
     "--cfg fuzzing -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4"
     " -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table"
 )
-LENGTH = 700  # bytes of an input at most
+LENGTHS = (150, 700)  # bytes of an input at most, in turn: short inputs run by the ten thousand a second
 AT_RANDOM = 60  # first inputs that are made at random
 TARGETS = sorted(path.name for path in KEPT.iterdir() if path.is_dir())
 
@@ -48,14 +49,14 @@ def write_random_inputs(folder: Path) -> Path:
     """Write first inputs, the same in each run."""
     draw = random.Random(1)
     for number in range(AT_RANDOM):
-        (folder / str(number)).write_bytes(draw.randbytes(draw.randrange(40, LENGTH)))
+        (folder / str(number)).write_bytes(draw.randbytes(draw.randrange(40, LENGTHS[-1])))
     return folder
 
 
 def main() -> int:
     parser = make_parser(__doc__)
-    parser.add_argument("--inputs", type=int, default=10**9, metavar="N", help="of each target at most")
-    parser.add_argument("--seconds", type=int, default=60, metavar="T", help="of each target (default: 60)")
+    parser.add_argument("--inputs", type=int, default=10**9, metavar="N", help="of each length at most")
+    parser.add_argument("--seconds", type=int, default=60, metavar="T", help="of each length (default: 60)")
     parser.add_argument("--only", nargs="*", default=TARGETS, metavar="NAME", choices=TARGETS)
     parser.add_argument(
         "--corpus", type=Path, default=ROOT / "fuzz" / "corpus", metavar="DIR", help="keep inputs here"
@@ -72,16 +73,17 @@ def main() -> int:
         for name in options.only:
             own = options.corpus / name
             own.mkdir(parents=True, exist_ok=True)
-            found = run_fuzzer(
-                [str(program)],
-                [own, KEPT / name, first],
-                options.corpus / f"{name}-",
-                environment=os.environ | {"STRAND_FUZZ_TARGET": name, "RUST_BACKTRACE": "0"},
-                inputs=options.inputs,
-                seconds=options.seconds,
-                length=LENGTH,
-            )
-            table.add(name, found)
+            for length in LENGTHS:
+                found = run_fuzzer(
+                    [str(program)],
+                    [own, KEPT / name, first],
+                    options.corpus / f"{name}-",
+                    environment=os.environ | {"STRAND_FUZZ_TARGET": name, "RUST_BACKTRACE": "0"},
+                    inputs=options.inputs,
+                    seconds=options.seconds,
+                    length=length,
+                )
+                table.add(f"{name}, {length} bytes", found)
     return table.end()
 
 

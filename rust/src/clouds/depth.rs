@@ -125,7 +125,8 @@ pub(crate) fn bends(
     let some = rows.iter().step_by(every.max(1)).flat_map(|row| (1..width).filter_map(|u| bend(row, u)));
     let own = points.iter().filter_map(|&p| {
         let [u, v] = camera.pixel(p).map(f64::round_ties_even);
-        bend(rows.get(v as usize).filter(|_| u >= 0.0 && v >= 0.0)?, u as usize)
+        let inside = (0.0..width as f64).contains(&u) && v >= 0.0;
+        bend(rows.get(v as usize).filter(|_| inside)?, u as usize)
     });
     [some.collect(), own.collect()].map(|bends| median(bends).unwrap_or(0.0))
 }

@@ -18,13 +18,11 @@ pub fn count_around(mut bytes: Bytes<'_>) {
     let counts = count_neighbors(&points, radius);
     let kept = radius_outlier_mask(&points, radius, wanted);
     assert_eq!(counts.is_ok(), kept.is_ok());
-    if let (Ok(counts), Ok(kept)) = (counts, kept) {
+    if let (Ok(counts), Ok(kept), true) = (counts, kept, radius > SQUARES) {
         for (i, &p) in points.iter().enumerate() {
             assert_eq!(kept[i], counts[i] >= wanted);
-            if radius > SQUARES {
-                let near = points.iter().filter(|&&q| squared_distance(q, p) <= radius * radius).count();
-                assert_eq!(counts[i] + 1, near);
-            }
+            let near = points.iter().filter(|&&q| squared_distance(q, p) <= radius * radius).count();
+            assert_eq!(counts[i] + 1, near);
         }
     }
     if let Ok(count) = typical_neighbors(&points, radius) {

@@ -130,7 +130,8 @@ pub fn fit(mut bytes: Bytes<'_>) {
     let Ok(found) = fit_tubes(&views, &tubes, &motions, &[radius], &options) else { return };
     found.curves.iter().for_each(|curve| require_finite(&curve.control));
     found.motions.iter().for_each(|motion| require_finite(&motion.to_rows()));
-    assert!(found.radii.iter().chain(&found.bands).all(|x| x.is_finite() && *x > 0.0));
+    let widths = [&found.radii[..], &found.bands].concat();
+    assert!(widths.iter().all(|x| x.is_finite() && *x > 0.0), "{widths:?} {radius:e}");
     assert!(found.sigma.is_finite() && found.sigma >= 0.0);
     if let Some(uncertainty) = &found.uncertainty {
         assert!(uncertainty.radii.iter().all(|sd| sd.is_finite() && *sd >= 0.0));

@@ -52,6 +52,10 @@ impl Prepared {
             return None;
         }
         let radius_px = pinhole.focal[0] * radius / upper_median(&mut seen);
+        // no edge of a rope as wide as two images shows
+        if radius_px > size[0].max(size[1]) as f64 {
+            return None;
+        }
         let silhouette = Silhouette::of_rope(mask, size[0], mask_px.unwrap_or(radius_px))?;
         if silhouette.radius_px < MIN_RADIUS {
             return None;

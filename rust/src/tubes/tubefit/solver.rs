@@ -162,6 +162,10 @@ impl State<'_> {
         let (controls, edges) = solver.solve(&right_band, &right_border);
         let gained: f64 =
             right_band.iter().zip(&controls).chain(right_border.iter().zip(&edges)).map(|(a, b)| a * b).sum();
+        // weights of tiny noise exceed all numbers
+        if !gained.is_finite() {
+            return Err(refuse_undetermined());
+        }
         if options.fit_curves {
             for (number, (curve, &offset)) in self.curves.iter_mut().zip(&layout.offsets).enumerate() {
                 let r = self.radii[self.radius_classes[number]];
