@@ -29,9 +29,11 @@ impl Pinhole {
     }
 }
 
+const MIN_DEPTH: f64 = 1e-100; // smaller depths are no return: their products lose all digits, metres
+
 #[inline(always)]
 pub(crate) fn has_return(z: f64) -> bool {
-    z > 0.0 && z < f64::INFINITY
+    z > MIN_DEPTH && z < f64::INFINITY
 }
 
 /// Replaces NaN and infinite depths by 0, which also means no return; also returns how many it replaced.

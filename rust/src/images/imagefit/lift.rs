@@ -132,7 +132,7 @@ pub fn lift(
     let nodes: Vec<Vec<Point>> = ranges.iter().map(|r| r.clone().map(lifted).collect()).collect();
     let arcs: Vec<Vec<f64>> = nodes.iter().map(|nodes| arc_length(nodes)).collect();
     let length: f64 = arcs.iter().map(|arc| arc[arc.len() - 1]).sum();
-    if length > MAX_STRETCH * STEP * radius * places.len() as f64 {
+    if length.is_nan() || length > MAX_STRETCH * STEP * radius * places.len() as f64 {
         return None;
     }
     let place = |i: usize| {
