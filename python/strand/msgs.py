@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand.io.recordings.camera_info import read_calibration
+from strand.io.recordings.frames import SECOND, count_nanoseconds
 from strand.io.recordings.message_views import make_view
 from strand.ropes.chain import Chain
 from strand.ropes.model import Model
@@ -86,7 +87,9 @@ def make_path(chain: Chain, frame_id: str, stamp: int = 0) -> Message:
     return {"header": head, "poses": poses + poses[: int(chain.closed)]}
 
 
-def make_marker_array(model: Model, frame_id: str, stamp: int = 0, *, namespace: str = "strand") -> Message:
+def make_marker_array(
+    model: Model, frame_id: str, stamp: int | None = None, *, namespace: str = "strand"
+) -> Message:
     """Return a visualization_msgs/MarkerArray of a model: a line for each chain, and spheres at its ends.
 
     Lines are as thick as the ropes. Colours are paler if the confidence is lower. The first marker deletes
@@ -97,8 +100,8 @@ def make_marker_array(model: Model, frame_id: str, stamp: int = 0, *, namespace:
     model : Model
     frame_id : str
         The TF frame that is strand's world frame.
-    stamp : int
-        Time of the views, nanoseconds since 1970.
+    stamp : int, optional
+        Time of the views, nanoseconds since 1970; by default `Model.stamp`, or 0 without one.
     namespace : str
         Namespace of the lines; that of the ends has the suffix "_ends".
 
@@ -113,7 +116,7 @@ def make_marker_array(model: Model, frame_id: str, stamp: int = 0, *, namespace:
     """
     if not isinstance(model, Model):
         raise TypeError(f"model: expected a Model, got {type(model).__name__}")
-    head, name = _make_header(frame_id, stamp), check_text("namespace", namespace)
+    head, name = _make_header(frame_id, _choose_stamp(model, stamp)), check_text("namespace", namespace)
     sure = 1.0 if math.isnan(model.confidence) else model.confidence
     markers: list[Message] = [{"header": head, "ns": name, "id": 0, "action": _DELETE_ALL}]
     for i, chain in enumerate(model.chains):
@@ -130,7 +133,7 @@ def make_marker_array(model: Model, frame_id: str, stamp: int = 0, *, namespace:
     return {"markers": markers}
 
 
-def make_planning_scene(model: Model, error: float, frame_id: str, stamp: int = 0) -> Message:
+def make_planning_scene(model: Model, error: float, frame_id: str, stamp: int | None = None) -> Message:
     """Return a moveit_msgs/PlanningScene difference that adds one collision object for each chain.
 
     The objects `rope_0`, `rope_1`, ... replace existing objects of these names. MoveIt has no capsules, so
@@ -143,8 +146,8 @@ def make_planning_scene(model: Model, error: float, frame_id: str, stamp: int = 
         Largest distance of the shapes from the ropes, metres, as in `Model.capsules`.
     frame_id : str
         The TF frame that is strand's world frame.
-    stamp : int
-        Time of the views, nanoseconds since 1970.
+    stamp : int, optional
+        Time of the views, nanoseconds since 1970; by default `Model.stamp`, or 0 without one.
 
     Returns
     -------
@@ -157,7 +160,7 @@ def make_planning_scene(model: Model, error: float, frame_id: str, stamp: int = 
     """
     if not isinstance(model, Model):
         raise TypeError(f"model: expected a Model, got {type(model).__name__}")
-    head, capsules = _make_header(frame_id, stamp), model.capsules(error)
+    head, capsules = _make_header(frame_id, _choose_stamp(model, stamp)), model.capsules(error)
     axes = capsules.stop - capsules.start
     objects = []
     for number, chain in enumerate(model.chains):
@@ -262,6 +265,7 @@ def read_view(
     Returns
     -------
     View
+        Its `stamp` is that of the message's header, if there is one.
 
     Raises
     ------
@@ -282,11 +286,30 @@ def read_view(
         if not (matrices and hasattr(camera_info, "height") and hasattr(camera_info, "width")):
             raise TypeError(f"camera_info: expected a CameraInfo, got {type(camera_info).__name__}")
         camera = read_calibration(camera_info, rectified=rectified, ignore_distortion=ignore_distortion)
-    return make_view(message, camera, pose, depth_scale)
+    return make_view(message, camera, pose, depth_scale, stamp=_read_stamp(message))
+
+
+def _choose_stamp(model: Model, stamp: int | None) -> int:
+    """Return the given stamp, else the model's, nanoseconds."""
+    if stamp is not None or model.stamp is None:
+        return 0 if stamp is None else stamp
+    return count_nanoseconds(model.stamp)
+
+
+def _read_stamp(message: Any) -> float | None:
+    """Return the time of a message's header, seconds; None without one."""
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    sec, nanosec = (
+        check_integer(
+            f"message.header.stamp.{names[0]}", getattr(stamp, names[0], getattr(stamp, names[1], 0))
+        )
+        for names in (("sec", "secs"), ("nanosec", "nsecs"))
+    )
+    return (sec * SECOND + nanosec) / SECOND or None
 
 
 def _make_header(frame_id: str, stamp: int) -> Message:
-    sec, nanosec = divmod(check_integer("stamp", stamp), 10**9)
+    sec, nanosec = divmod(check_integer("stamp", stamp), SECOND)
     return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": check_text("frame_id", frame_id)}
 
 

@@ -27,7 +27,7 @@ class FrameInput:
     Attributes
     ----------
     time : float or None
-        Time of the frame, seconds since 1970; None if the recording does not hold it.
+        Time of the latest view, seconds since 1970; None if the recording does not hold it.
     views : tuple of View
     radius : float or None
         The ropes' radius, metres, if the recording holds it.
@@ -81,7 +81,7 @@ def iterate_frames(
 
 def _decode(recording: Recording, frame: UndecodedFrame) -> FrameInput:
     decoded = recording.decode(frame)
-    return FrameInput(decoded.time, decoded.views, times=decoded.times)
+    return FrameInput(max(decoded.times), decoded.views, times=decoded.times)
 
 
 def _read_image(

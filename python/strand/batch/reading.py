@@ -77,9 +77,9 @@ def load_models(out: str | os.PathLike[str]) -> Iterator[tuple[str, int, Model]]
     frame : int
     model : Model
         It has the table's contents: chains with covariances, confidences, labels, colours and hidden ends,
-        the model's confidence, `up`, `table` and warnings. Tracked ropes are `TrackedRope`. It has no poses,
-        curves, doubts, joins and alternatives. A warning names the chains in whose rows it stands, and has no
-        place, amount or view.
+        the model's confidence, `up`, `table`, warnings and time as `stamp`. Tracked ropes are `TrackedRope`.
+        It has no poses, curves, doubts, joins and alternatives. A warning names the chains in whose rows it
+        stands, and has no place, amount or view.
 
     Raises
     ------
@@ -172,6 +172,7 @@ def _make_model(path: Path, rows: Sequence[dict[str, Any]]) -> Iterator[tuple[st
             confidence=float("nan") if confidence is None else confidence,
             up=USUAL_UP if rows[0]["up"] is None else rows[0]["up"],
             table=None if table is None else Plane(np.array(table[:3]), table[3]),
+            stamp=rows[0]["time"],
         )
     except (TypeError, ValueError) as error:
         raise FileFormatError.from_error(path, error) from error

@@ -35,7 +35,7 @@ class Row:
     frame : int or None
         None if the recording could not be opened.
     time : float or None
-        Time of the frame, seconds since 1970; of a tracked frame, that of its nodes.
+        Time of the frame's latest view, seconds since 1970, as `Model.stamp`; of a track, that of its nodes.
     seconds : float
         Duration of the work on the frame, reading included.
     rope : int or None

@@ -15,7 +15,7 @@ from strand.ropes.crossings import Crossing
 from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
 from strand.ropes.model import FORMAT, VERSION, Model
 from strand.ropes.seen_side import USUAL_UP, check_table, check_up
-from strand.support.checks import check_integer, check_number, check_sequence, describe_value
+from strand.support.checks import check_integer, check_number, check_sequence, check_stamp, describe_value
 from strand.support.files import JSON_BYTES, FileFormatError, open_file, parse_json, read_json
 from strand.views.sensor import Sensor
 
@@ -129,6 +129,8 @@ def _parse_model(path: str | os.PathLike[str], data: Any) -> Model:
     with _locate_errors(path, "table"):
         table = data.get("table")
         values["table"] = None if table is None else check_table("table", (table["normal"], table["offset"]))
+    with _locate_errors(path, "stamp"):
+        values["stamp"] = check_stamp("stamp", data.get("stamp"))
     with _locate_errors(path, None):
         return Model(method=data["method"], branch=data["branch"], **values)
 

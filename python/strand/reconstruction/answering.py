@@ -106,6 +106,7 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
         sensor=found.sensor,
         up=upwards.up,
         table=upwards.table,
+        stamp=max((view.stamp for view in scene.extract.whole if view.stamp is not None), default=None),
     )
 
 

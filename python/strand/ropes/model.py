@@ -40,6 +40,7 @@ from strand.support.checks import (
     check_instances,
     check_integer,
     check_small_array,
+    check_stamp,
     describe_value,
     freeze_array,
 )
@@ -105,6 +106,8 @@ class Model:
     table : Plane or None
         The table that the views show: its unit normal n towards the cameras, world frame, and n.x of its top,
         metres. None if they show none.
+    stamp : float or None
+        Time of the latest view that has one, or of the `Track`, seconds, as in `View`; None if unknown.
 
     Raises
     ------
@@ -146,6 +149,7 @@ class Model:
     sensor: Sensor | None = None
     up: Array = field(default_factory=lambda: USUAL_UP)
     table: Plane | None = None
+    stamp: float | None = None
 
     def __post_init__(self) -> None:
         for name, kind in (
@@ -172,6 +176,7 @@ class Model:
         object.__setattr__(self, "up", check_up("up", self.up))
         if self.table is not None:
             object.__setattr__(self, "table", check_table("table", self.table))
+        object.__setattr__(self, "stamp", check_stamp("stamp", self.stamp))
         chains = (
             chain if np.array_equal(chain.up, self.up) else replace(chain, up=self.up)
             for chain in self.chains
@@ -673,6 +678,8 @@ def _collect_content(model: Model) -> dict[str, Any]:
         {entry.name: getattr(chain, entry.name) for entry in fields(chain) if entry.name != "up"}
         for chain in model.chains
     ]
+    if model.stamp is None:  # such files keep their bytes
+        del content["stamp"]
     content["table"] = None if model.table is None else model.table._asdict()
     crossings = list_crossings(model.chains, model.up, model.doubts, model.confidence)
     if crossings is not None:

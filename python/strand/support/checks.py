@@ -27,6 +27,7 @@ _MAX_NESTING = 4  # lists in lists, deeper than any argument's
 _PLAIN = frozenset((bool, int, float))  # entries of lists that hold no array
 _NUMBERS = frozenset((int, float, np.float64, np.int64))  # entries of lists that are no flags
 _FLAGS = frozenset((bool, np.bool_))
+_NANOSECONDS = 1e11  # larger times are no seconds, even those that bags can hold
 _MOST = 2**63 - 1  # whole numbers of 64 bits, as kernels and tables hold them
 
 
@@ -43,6 +44,16 @@ def check_number(name: str, value: Any) -> float:
         found = math.inf
     if not math.isfinite(found):
         raise ValueError(f"{name}: expected a finite number, got {found}")
+    return found
+
+
+def check_stamp(name: str, value: Any) -> float | None:
+    """Return `value` as a time in seconds, None if it is None; nanoseconds since 1970 are refused."""
+    if value is None:
+        return None
+    found = check_number(name, value)
+    if abs(found) >= _NANOSECONDS:
+        raise ValueError(f"{name}: expected seconds, got {_show(value)}, as large as nanoseconds")
     return found
 
 

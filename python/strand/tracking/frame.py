@@ -104,7 +104,7 @@ def check_frame(views: Sequence[View | None], time: Any, last: Frame | None, int
                 raise ValueError(
                     f"views[{i}]: expected an image of {size} pixels as in earlier frames, got {_size(view)}"
                 )
-    times = _check_times(time, len(given), last, interval)
+    times = _check_times(time, given, last, interval)
     latest = max(times)
     if last is not None and not latest >= last.time + _LEAST_INTERVAL:
         raise ValueError(
@@ -138,9 +138,16 @@ def _size(view: View) -> tuple[int, ...]:
     return view.image.depth.shape
 
 
-def _check_times(time: Any, count: int, last: Frame | None, interval: float) -> tuple[float, ...]:
+def _check_times(
+    time: Any, views: Sequence[View | None], last: Frame | None, interval: float
+) -> tuple[float, ...]:
+    count = len(views)
     if time is None:
-        return ((0.0 if last is None else last.time + interval),) * count
+        stamps = [None if view is None else view.stamp for view in views]
+        latest = max((stamp for stamp in stamps if stamp is not None), default=None)
+        if latest is None:
+            latest = 0.0 if last is None else last.time + interval
+        return tuple(latest if stamp is None else stamp for stamp in stamps)
     if np.ndim(time) == 0:
         return (check_number("time", time),) * count
     times = check_sequence("time", time, "a number for each view")

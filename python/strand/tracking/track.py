@@ -138,6 +138,7 @@ class Track:
             confidence=min(sure, default=float("nan")),
             up=self.up,
             table=self.table,
+            stamp=self.time,
         )
 
     def __repr__(self) -> str:

@@ -120,8 +120,8 @@ class Tracker:
             One view of a depth image for each camera, always in the same order; None where a camera has no
             image. Poses may change from frame to frame.
         time : float or sequence of float, optional
-            Time of the images, or one for each of them, s, later than that of the last frame. Without
-            it, frames are 1/30 s apart.
+            Time of the images, or one for each of them, s, later than that of the last frame. By default
+            it is `View.stamp`; frames of views without a stamp are 1/30 s apart.
 
         Returns
         -------

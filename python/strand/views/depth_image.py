@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from strand.support.checks import Array
+from strand.support.checks import Array, check_float_array, check_positive, to_array
 from strand.support.lazy import lazy_property
 from strand.views.pinhole import Pinhole, Pixels
 from strand.views.pose import moved
@@ -104,3 +104,37 @@ class DepthImage:
     def lift(self, rows: Pixels, columns: Pixels, z: Array) -> Array:
         """Return the points (..., 3) of the world that pixels show at depths z, metres."""
         return moved(self.camera.lift(rows, columns, z), self.pose)
+
+
+def convert_to_meters(depth: ArrayLike, depth_scale: float | None) -> Array:
+    """(H, W) Return depths in metres."""
+    image = to_array("depth", depth)
+    if depth_scale is not None:
+        scale = check_positive("depth_scale", depth_scale)
+        if image.dtype.kind not in "fiu":
+            raise TypeError(f"depth: expected numbers, got dtype {image.dtype}")
+        given = image.astype(np.float64)
+        with np.errstate(over="ignore"):
+            image = given * scale
+        if (np.isfinite(given) & ~np.isfinite(image)).any():
+            raise ValueError(
+                f"depth: expected depths that are finite in metres, got up to {np.nanmax(given)} units"
+            )
+    elif image.dtype.kind in "iu":
+        raise TypeError(
+            f"depth: expected floating point numbers in metres, got dtype {image.dtype}; "
+            "depth_scale= gives the metres of a unit, such as 0.001 for millimetres"
+        )
+    return check_float_array("depth", image, ("H", "W"))
+
+
+def list_points(points: ArrayLike, colors: ArrayLike | None) -> tuple[Array, ArrayLike | None, int]:
+    """Return the finite points of an (H, W, 3) cloud, their colours, and the number of the others."""
+    cloud = check_float_array("points", points, ("H", "W", 3))
+    finite = np.isfinite(cloud).all(axis=2)
+    if colors is not None:
+        own = to_array("colors", colors)
+        if own.shape != cloud.shape:
+            raise ValueError(f"colors: expected the shape of the points {cloud.shape}, got {own.shape}")
+        colors = own[finite]
+    return cloud[finite], colors, int(np.count_nonzero(~finite))

@@ -13,21 +13,20 @@ from strand.support.checks import (
     Array,
     check_colors,
     check_finite_array,
-    check_float_array,
     check_integer,
     check_intrinsics,
     check_mask,
     check_occluders,
-    check_positive,
     check_rigid_motion,
     check_sequence,
     check_small_array,
+    check_stamp,
     freeze_array,
     round_to_millimeters,
     to_array,
 )
 from strand.views.box import Bounds, Box, make_box
-from strand.views.depth_image import DepthImage
+from strand.views.depth_image import DepthImage, convert_to_meters, list_points
 from strand.views.pinhole import Pinhole
 from strand.views.pose import moved
 
@@ -47,14 +46,16 @@ class View:
     colors : (N, 3) or (H, W, 3) array_like, optional
         The points' colours: red, green and blue from 0 to 1, or uint8. Segments with different colours are
         not joined. Views with and without colours may be mixed.
+    stamp : float, optional
+        Time of the image, seconds since 1970 or on a clock of the caller's.
 
     Raises
     ------
     TypeError
         If an array does not hold numbers of its kind: floats for points, uint8 or floats for colours.
     ValueError
-        If `points` is not (N, 3) or not finite, `pose` is not a rigid motion, or `colors` are not one for
-        each point, from 0 to 1.
+        If `points` is not (N, 3) or not finite, `pose` is not a rigid motion, `colors` are not one for
+        each point, from 0 to 1, or `stamp` is as large as nanoseconds.
 
     Examples
     --------
@@ -65,7 +66,7 @@ class View:
     View(depth image of 4 x 3 pixels, camera at [0.0, 0.0, 0.0] m)
     """
 
-    __slots__ = ("_colors", "_dropped", "_image", "_points", "_pose")
+    __slots__ = ("_colors", "_dropped", "_image", "_points", "_pose", "_stamp")
 
     def __init__(
         self,
@@ -73,11 +74,13 @@ class View:
         pose: ArrayLike | None = None,
         dropped: int = 0,
         colors: ArrayLike | None = None,
+        *,
+        stamp: float | None = None,
     ) -> None:
         # later changes of the caller's arrays must not change the view
         dropped = check_integer("dropped", dropped)
         if to_array("points", points).ndim == 3:
-            points, colors, missing = _list_points(points, colors)
+            points, colors, missing = list_points(points, colors)
             dropped += missing
         cloud = check_finite_array("points", points, ("N", 3))
         returned: NDArray[np.bool_] = np.any(cloud, axis=1)
@@ -88,6 +91,7 @@ class View:
         self._image: DepthImage | None = None
         self._pose = _check_pose(pose)
         self._dropped = dropped
+        self._stamp = check_stamp("stamp", stamp)
         self._colors: Array | None = None
         if colors is not None:
             seen = check_colors("colors", colors, (len(returned), 3))
@@ -106,6 +110,7 @@ class View:
         depth_scale: float | None = None,
         mask: ArrayLike | None = None,
         occluders: ArrayLike | None = None,
+        stamp: float | None = None,
     ) -> View:
         """Return a view of a depth image: x = (u - cx) z / fx, y = (v - cy) z / fy.
 
@@ -133,6 +138,8 @@ class View:
             The pixels of the robot or of a hand, for instance from the robot's own model: True, or any number
             but 0. They are no rope, whatever `mask` says, and their depths are dropped. Space behind them is
             hidden, not free: a rope may go on there, and where it ends there, `Chain.hidden_ends` says so.
+        stamp : float, optional
+            Time of the image, seconds, as in `View`.
 
         Returns
         -------
@@ -146,10 +153,11 @@ class View:
             `depth_scale`.
         ValueError
             If a shape is wrong, a depth is negative or so large that its point is not finite, the intrinsics
-            are not a pinhole's, `depth_scale` is not positive, a colour is not from 0 to 1, or a label is
-            negative.
+            are not a pinhole's, `depth_scale` is not positive, a colour is not from 0 to 1, a label is
+            negative, or `stamp` is as large as nanoseconds.
         """
-        image = _convert_to_meters(depth, depth_scale)
+        taken_at = check_stamp("stamp", stamp)
+        image = convert_to_meters(depth, depth_scale)
         camera = Pinhole.from_matrix(check_intrinsics("intrinsics", intrinsics))
         (fx, fy), (cx, cy) = camera
         height, width = image.shape
@@ -172,10 +180,17 @@ class View:
         if colors is not None:
             seen = everywhere.reshape(-1, 3).take(np.flatnonzero(taken.rope_depth > 0), axis=0)
             seen = seen / 255.0 if seen.dtype == np.uint8 else seen
-        return cls._build(None, taken, taken.pose, dropped, seen)
+        return cls._build(None, taken, taken.pose, dropped, seen, taken_at)
 
     @classmethod
-    def from_world(cls, points: ArrayLike, viewpoint: ArrayLike, colors: ArrayLike | None = None) -> View:
+    def from_world(
+        cls,
+        points: ArrayLike,
+        viewpoint: ArrayLike,
+        colors: ArrayLike | None = None,
+        *,
+        stamp: float | None = None,
+    ) -> View:
         """Return a view of points that are already in the world frame.
 
         Parameters
@@ -186,6 +201,8 @@ class View:
             The camera's centre in the world frame, metres.
         colors : (N, 3) array_like, optional
             The points' colours: red, green and blue from 0 to 1, or uint8.
+        stamp : float, optional
+            Time of the points, seconds, as in `View`.
 
         Returns
         -------
@@ -197,15 +214,21 @@ class View:
         TypeError
             If an array does not hold numbers of its kind.
         ValueError
-            If a shape is wrong, a number is not finite, or a colour is not from 0 to 1.
+            If a shape is wrong, a number is out of range or not finite, or a colour is not from 0 to 1.
         """
         pose = np.eye(4)
         pose[:3, 3] = check_small_array("viewpoint", viewpoint, (3,))
-        return cls(check_finite_array("points", points, ("N", 3)) - pose[:3, 3], pose, 0, colors)
+        return cls(check_finite_array("points", points, ("N", 3)) - pose[:3, 3], pose, 0, colors, stamp=stamp)
 
     @classmethod
     def _build(
-        cls, points: Array | None, image: DepthImage | None, pose: Array, dropped: int, colors: Array | None
+        cls,
+        points: Array | None,
+        image: DepthImage | None,
+        pose: Array,
+        dropped: int,
+        colors: Array | None,
+        stamp: float | None,
     ) -> View:
         """Return a view of checked arrays that nobody else changes: points, or the image that holds them."""
         view = cls.__new__(cls)
@@ -213,8 +236,14 @@ class View:
             if array is not None:
                 array.setflags(write=False)
         view._points, view._image = points, image
-        view._pose, view._dropped, view._colors = pose, dropped, colors
+        view._pose, view._dropped, view._colors, view._stamp = pose, dropped, colors, stamp
         return view
+
+    def _change(
+        self, points: Array | None, image: DepthImage | None, pose: Array, colors: Array | None
+    ) -> View:
+        """Return a view of other checked arrays from the same measurement."""
+        return self._build(points, image, pose, self._dropped, colors, self._stamp)
 
     @property
     def points(self) -> Array:
@@ -236,6 +265,11 @@ class View:
     def dropped(self) -> int:
         """The number of pixels or points that were dropped because they were not finite."""
         return self._dropped
+
+    @property
+    def stamp(self) -> float | None:
+        """Time of the image, seconds; None if unknown."""
+        return self._stamp
 
     @property
     def colors(self) -> Array | None:
@@ -330,45 +364,11 @@ class View:
 
     def _replace_points(self, points: Array, colors: Array | None) -> View:
         """Return the view with other points, and without an image."""
-        return self._build(points, None, self._pose, self._dropped, colors)
-
-
-def _list_points(points: ArrayLike, colors: ArrayLike | None) -> tuple[Array, ArrayLike | None, int]:
-    """Return the finite points of an (H, W, 3) cloud, their colours, and the number of the others."""
-    cloud = check_float_array("points", points, ("H", "W", 3))
-    finite = np.isfinite(cloud).all(axis=2)
-    if colors is not None:
-        own = to_array("colors", colors)
-        if own.shape != cloud.shape:
-            raise ValueError(f"colors: expected the shape of the points {cloud.shape}, got {own.shape}")
-        colors = own[finite]
-    return cloud[finite], colors, int(np.count_nonzero(~finite))
+        return self._change(points, None, self._pose, colors)
 
 
 def _check_pose(pose: ArrayLike | None) -> Array:
     return freeze_array(np.eye(4) if pose is None else check_rigid_motion("pose", pose))
-
-
-def _convert_to_meters(depth: ArrayLike, depth_scale: float | None) -> Array:
-    """(H, W) Return depths in metres."""
-    image = to_array("depth", depth)
-    if depth_scale is not None:
-        scale = check_positive("depth_scale", depth_scale)
-        if image.dtype.kind not in "fiu":
-            raise TypeError(f"depth: expected numbers, got dtype {image.dtype}")
-        given = image.astype(np.float64)
-        with np.errstate(over="ignore"):
-            image = given * scale
-        if (np.isfinite(given) & ~np.isfinite(image)).any():
-            raise ValueError(
-                f"depth: expected depths that are finite in metres, got up to {np.nanmax(given)} units"
-            )
-    elif image.dtype.kind in "iu":
-        raise TypeError(
-            f"depth: expected floating point numbers in metres, got dtype {image.dtype}; "
-            "depth_scale= gives the metres of a unit, such as 0.001 for millimetres"
-        )
-    return check_float_array("depth", image, ("H", "W"))
 
 
 def cropped(views: Sequence[View], bounds: Box) -> tuple[View, ...]:
@@ -400,7 +400,7 @@ def masked(view: View, image: DepthImage) -> View:
     """Return a view with only the points that the mask of its image, or of one made of its points, shows."""
     if view.image is not None:
         colors = None if view.colors is None else view.colors[image.mask[image.depth > 0]]
-        return View._build(None, image, view.pose, view.dropped, colors)
+        return view._change(None, image, view.pose, colors)
     rows, columns, inside = image.find_pixels(view.world_points)
     inside[inside] = image.mask[rows[inside], columns[inside]]
     return view.select(inside)
@@ -409,24 +409,24 @@ def masked(view: View, image: DepthImage) -> View:
 def placed(view: View, pose: Array) -> View:
     """Return a view with another pose, (4, 4), camera to world."""
     image = None if view.image is None else replace(view.image, pose=pose)
-    return View._build(view._points, image, pose, view.dropped, view.colors)
+    return view._change(view._points, image, pose, view.colors)
 
 
 def pictured(view: View, image: DepthImage) -> View:
     """Return a view with another depth image, without colours."""
-    return View._build(None, image, view.pose, view.dropped, None)
+    return view._change(None, image, view.pose, None)
 
 
 def seen_from(view: View, image: DepthImage) -> View:
     """Return a view of points in the frame of an image from the same place, without the image."""
     points = view.points @ (view.pose[:3, :3].T @ image.pose[:3, :3])
-    return View._build(points, None, image.pose.copy(), view.dropped, view.colors)
+    return view._change(points, None, image.pose.copy(), view.colors)
 
 
 def seen_in(view: View, image: DepthImage) -> View:
     """Return a view of points in the frame of an image that shows them, with the image."""
     moved_view = seen_from(view, image)
-    return View._build(moved_view.points, image, moved_view.pose, view.dropped, view.colors)
+    return view._change(moved_view.points, image, moved_view.pose, view.colors)
 
 
 def check_views(views: Sequence[View]) -> tuple[View, ...]:

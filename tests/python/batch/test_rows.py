@@ -117,7 +117,7 @@ def test_frames_of_a_recording_have_numbers_and_times(tmp_path):
     assert [row["error"] is None for row in rows] == [True, False, True, True]
     assert rows[1]["error"].startswith("NotEnoughDataError: views")
     assert (rows[1]["rope"], rows[1]["nodes"], rows[1]["warnings"]) == (None, None, [])
-    assert rows[0]["time"] == pytest.approx(START * 1e-9)
+    assert rows[0]["time"] == START / 1e9
 
 
 def test_a_stretch_beyond_the_last_frame_has_no_rows(tmp_path):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from strand.io.recordings.message import Message
 from strand.views.view import View
 
-_SECOND = 10**9  # nanoseconds
+SECOND = 10**9
+"""Nanoseconds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +23,7 @@ class Frame:
     stamp : int
         Time stamp of the first camera's message, nanoseconds since 1970.
     views : tuple of View
-        One for each topic, in the order of `Recording.topics`.
+        One for each topic, in the order of `Recording.topics`, with their `stamp` in seconds.
     stamps : tuple of int
         Time stamp of each view's message, nanoseconds since 1970.
     """
@@ -34,12 +36,12 @@ class Frame:
     @property
     def time(self) -> float:
         """The time stamp, seconds since 1970."""
-        return self.stamp / _SECOND
+        return self.stamp / SECOND
 
     @property
     def times(self) -> tuple[float, ...]:
         """The time stamps of all views, seconds since 1970."""
-        return tuple(stamp / _SECOND for stamp in self.stamps)
+        return tuple(stamp / SECOND for stamp in self.stamps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,3 +64,10 @@ class UndecodedFrame:
     messages: tuple[Message, ...]
     colors: tuple[Message | None, ...]
     held: int
+
+
+def count_nanoseconds(seconds: float) -> int:
+    """Return the whole number of nanoseconds nearest to a time."""
+    whole = math.floor(seconds)
+    # the difference is exact: a product of the whole time would lose digits
+    return whole * SECOND + round((seconds - whole) * SECOND)

@@ -35,16 +35,17 @@ def make_view(
     depth_scale: float | None = None,
     budget: Budget | None = None,
     find_colors: FindColors | None = None,
+    stamp: float | None = None,
 ) -> View:
     """Make a view from an Image, CompressedImage or PointCloud2; raise ValueError if it is unsuitable.
 
     An image that declares another size than its CameraInfo, or more than fits in the budget, is not decoded.
     `find_colors` returns the colours of a depth image's pixels, for its depths, metres, its pinhole matrix
-    and the budget.
+    and the budget. `stamp` is the view's, seconds.
     """
     budget = Budget(MAX_BYTES) if budget is None else budget
     if hasattr(message, "point_step"):
-        return _make_cloud(message, pose, budget)
+        return _make_cloud(message, pose, budget, stamp)
     if camera is None:
         raise ValueError("depth images need a CameraInfo")
     size = find_size(message)
@@ -68,13 +69,14 @@ def make_view(
             with budget.hold("data", _METRES * pixels):
                 metres = depth.astype(np.float64) * (1.0 if depth_scale is None else depth_scale)
                 colors = find_colors(metres, camera.matrix, budget)
-        return View.from_depth(depth, camera.matrix, pose, colors, depth_scale=depth_scale)
+        return View.from_depth(depth, camera.matrix, pose, colors, depth_scale=depth_scale, stamp=stamp)
 
 
-def _make_cloud(message: Any, pose: ArrayLike | None, budget: Budget) -> View:
+def _make_cloud(message: Any, pose: ArrayLike | None, budget: Budget, stamp: float | None) -> View:
     numbers = _NUMBERS * int(message.height) * int(message.width)
     with budget.hold("data", len(message.data)), budget.hold_cloud("data", numbers):
         budget.take("data", _FLOAT * numbers)
         points, colors = decode_points(message)
         finite = np.isfinite(points).all(axis=1)
-        return View(points[finite], pose, int((~finite).sum()), None if colors is None else colors[finite])
+        colors = None if colors is None else colors[finite]
+        return View(points[finite], pose, int((~finite).sum()), colors, stamp=stamp)

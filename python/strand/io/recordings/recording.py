@@ -18,7 +18,7 @@ from strand.io.recordings.color_alignment import align_colors
 from strand.io.recordings.color_messages import decode_color_message
 from strand.io.recordings.color_pairing import pair_colors
 from strand.io.recordings.color_topics import find_color_cameras, find_color_pose
-from strand.io.recordings.frames import Frame, UndecodedFrame
+from strand.io.recordings.frames import SECOND, Frame, UndecodedFrame
 from strand.io.recordings.message import MESSAGE_BYTES, Message
 from strand.io.recordings.message_views import FindColors, make_view
 from strand.io.recordings.synchronization import find_last_uses, find_nearest, match_messages
@@ -45,7 +45,6 @@ TOLERANCE = 0.02  # seconds between the views of a frame, at most: half a frame 
 _MATCHING = 64  # bytes of a message of the first topic for each topic while frames are found
 _PART = 24  # bytes of a topic's message and colour message in the plan of a frame
 _PLAN_BYTES = 128  # memory of a message's part of the plan while it is made
-_SECOND = 10**9  # nanoseconds
 _MAX_TOLERANCE = 1e9  # seconds: its nanoseconds fit in 64 bits
 
 
@@ -130,7 +129,7 @@ class Recording:
         ignore_distortion: bool = False,
         max_bytes: int = MAX_BYTES,
     ) -> None:
-        self._tolerance = round(min(check_nonnegative("tolerance", tolerance), _MAX_TOLERANCE) * _SECOND)
+        self._tolerance = round(min(check_nonnegative("tolerance", tolerance), _MAX_TOLERANCE) * SECOND)
         self._world = None if world is None else check_text("world", world)
         if world is not None and poses is not None:
             raise ValueError("poses: expected either poses, or world to take them from TF, got both")
@@ -306,7 +305,8 @@ class Recording:
             colors = self._decode_colors(message.topic, frame.colors[k], seen.header.frame_id, stamp, budget)
             camera = self._cameras[message.topic]
             with self._name_place(message):
-                views.append(make_view(seen, camera.calibration, pose, camera.depth_scale, budget, colors))
+                calibration, scale = camera.calibration, camera.depth_scale
+                views.append(make_view(seen, calibration, pose, scale, budget, colors, stamp / SECOND))
         return Frame(frame.number, stamps[0], tuple(views), tuple(stamps))
 
     def _decode_colors(
@@ -372,7 +372,7 @@ class Recording:
             parts = match_messages(stamps, self._tolerance)
         budget.take(self.path, _PART * parts.size)
         if not len(parts):
-            reason = f"no frame: messages of all topics are never within {self._tolerance / _SECOND:g} s"
+            reason = f"no frame: messages of all topics are never within {self._tolerance / SECOND:g} s"
             raise FileFormatError(self.path, reason, ", ".join(self.topics))
         if self._world is not None:
             placed = [

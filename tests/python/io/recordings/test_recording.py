@@ -57,6 +57,8 @@ def test_cameras_of_a_scene_give_the_views_of_the_scene(tmp_path, kind, compress
         assert (len(recording), recording.stamps.tolist()) == (1, [START])
         assert (frame.number, frame.stamp, frame.time) == (0, START, START / 1e9)
         assert all(file.exists() for file in recording.files)
+    assert [view.stamp for view in frame.views] == list(frame.times)
+    assert len(set(frame.times)) == 3
     assert_same(frame.views, make_views(), atol=1e-12)
 
 

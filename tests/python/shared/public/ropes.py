@@ -183,6 +183,7 @@ def _list_model(folder: Path) -> dict[str, Call]:
                 "sensor": model.sensor,
                 "up": UP,
                 "table": (UP, 0.0),
+                "stamp": 1.5,
             },
         ),
         "Model.nearest": Call(model.nearest, places),

@@ -49,7 +49,7 @@ def _list_views() -> dict[str, Call]:
     return {
         "View": Call(
             strand.View,
-            {"points": CLOUD, "pose": EYE, "dropped": 0, "colors": SHADES},
+            {"points": CLOUD, "pose": EYE, "dropped": 0, "colors": SHADES, "stamp": 1.5},
             {"points": np.ones((4, 5, 3)), "colors": np.ones((4, 5, 3))},
         ),
         "View.from_depth": Call(
@@ -62,12 +62,13 @@ def _list_views() -> dict[str, Call]:
                 "depth_scale": 1.0,
                 "mask": MASK,
                 "occluders": ~MASK,
+                "stamp": 1.5,
             },
             {"depth": (DEPTH * 1e3).astype(np.uint16), "intrinsics": K, "depth_scale": 1e-3},
         ),
         "View.from_world": Call(
             strand.View.from_world,
-            {"points": CLOUD, "viewpoint": np.array([0.0, 0.0, 9.0]), "colors": SHADES},
+            {"points": CLOUD, "viewpoint": np.array([0.0, 0.0, 9.0]), "colors": SHADES, "stamp": 1.5},
         ),
         "View.crop": Call(view.crop, {"bounds": (LOW, HIGH)}, {"bounds": box}),
         "View.moved": Call(view.moved, {"motion": EYE}),
