@@ -34,10 +34,14 @@ def _load_frame(options: argparse.Namespace, path: Path) -> Scene:
         number = options.frame or 0
         frame = next(recording.read(number, number + 1), None)
         if frame is None:
-            raise ValueError(
-                f"--frame: expected a number below {len(recording)}, the number of frames, got {number}"
-            )
+            raise ValueError(describe_missing_frame(number, len(recording)))
         return Scene(path.name, frame.views, None, None, files=recording.files)
+
+
+def describe_missing_frame(number: int, count: int) -> str:
+    """Say which frames a recording of `count` frames has instead of frame `number`."""
+    has = "no frames" if count == 0 else "1 frame, 0" if count == 1 else f"{count} frames, 0 to {count - 1}"
+    return f"--frame {number}: the recording has {has}"
 
 
 def _load_scene(options: argparse.Namespace, path: Path) -> Scene:
@@ -61,7 +65,7 @@ def open_recording(options: argparse.Namespace) -> Recording:
     path = _get_only(options.scene)
     if not is_recording(path):
         _refuse_options(options, _RECORDING_OPTIONS, f"for recordings only, and {path} is none")
-    _refuse_options(options, _SCENE_OPTIONS, "for scenes only; a recording has its own")
+    _refuse_options(options, _SCENE_OPTIONS, f"for scenes only, and {path} is a recording")
     return Recording(
         path,
         options.topic,

@@ -11,12 +11,12 @@ from pathlib import Path
 import strand
 from strand.cli import values
 from strand.cli.arguments import choose_radius, collect_arguments, reconstruct_scene
-from strand.cli.inputs import list_input_files, load_input, open_recording
+from strand.cli.inputs import describe_missing_frame, list_input_files, load_input, open_recording
 from strand.cli.model_output import print_json, print_remarks
 from strand.cli.options import add_priors, add_scene
 from strand.cli.outputs import check_outputs
 from strand.cli.progress import show_progress
-from strand.io.recordings import Frame
+from strand.io.recordings import Recording
 from strand.io.scenes import Scene
 from strand.report import figures, tables
 from strand.ropes.model import describe_model
@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> None:
     if options.every is not None:
         with open_recording(options) as recording:
             check_outputs(options, recording.files)
-            _reconstruct_frames(options, recording.read(options.frame or 0, None, options.every))
+            _reconstruct_frames(options, recording)
         return
     scene = load_input(options)
     check_outputs(options, list_input_files(options, scene))
@@ -108,12 +108,12 @@ def _write_outputs(options: argparse.Namespace, model: strand.Model, scene: Scen
         yield from drawn
 
 
-def _reconstruct_frames(options: argparse.Namespace, frames: Iterator[Frame]) -> None:
+def _reconstruct_frames(options: argparse.Namespace, recording: Recording) -> None:
     """Print a line for each frame, and write its model or the reason why it has none."""
     arguments = collect_arguments(options)
-    previous, count = None, 0
+    previous, count, first = None, 0, options.frame or 0
     with nullcontext() if options.out is None else replace_file(options.out) as file:
-        for frame in frames:
+        for frame in recording.read(first, None, options.every):
             count += 1
             record: dict[str, object] = {"frame": frame.number, "stamp": frame.stamp}
             model = None
@@ -133,6 +133,8 @@ def _reconstruct_frames(options: argparse.Namespace, frames: Iterator[Frame]) ->
                 print_remarks(model, f"frame {frame.number}: ")
             if file is not None:
                 file.write(line.encode() + b"\n")
+        if not count:
+            raise ValueError(describe_missing_frame(first, len(recording)))
         if previous is None:
             raise strand.NotEnoughDataError(f"none of {count} frames supports an answer")
     if options.out is not None and not options.json:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from strand.io.budget import MAX_BYTES, Budget
 from strand.io.npy import Archive, Declared
 from strand.io.point_cloud import PointCloud
+from strand.io.recordings.bags import SUFFIXES as RECORDED
 from strand.io.scene_description import Description, parse_description
 from strand.io.single_view import KnownCamera, read_single_view
 from strand.io.view_files import SUFFIXES, collect_given, read_images, read_view_file, require_one_each
@@ -205,7 +206,9 @@ def load_scene(
     if suffix == ".npz" or not path.exists():
         return _load_archive(path, given, budget)
     raise FileFormatError(
-        path, f"expected a folder with a scene.toml, or a .toml, .npz, {', '.join(SUFFIXES)} file"
+        path,
+        f"expected a folder with a scene.toml, or a .toml, .npz, {', '.join(SUFFIXES)} file; recordings are "
+        f"{', '.join(RECORDED)} files or folders of ROS 2 bags",
     )
 
 

@@ -294,7 +294,7 @@ def _try_place(
             if table is not None:
                 gap = _measure_height(table, place, axes, tip, width, gripper)
                 # raise the tips off the table, while they still reach around the rope
-                tip -= max(gripper.clearance - gap, 0.0) / max(-(table[0] @ z), 1e-9)
+                tip -= max(gripper.clearance - gap, 0.0) / max(-float(table[0] @ z), 1e-9)
                 gap = max(gap, gripper.clearance)
             if tip < 0.0:
                 continue

@@ -437,7 +437,7 @@ class Model:
         gripper : Gripper
         table : ((3,) array_like, float) or False, optional
             Normal n of the table, towards the gripper, and n.x of its top, metres. By default it is the
-            model's `table`. False: strand assumes no table.
+            model's `table`. Without one, or with False, tips may reach into what the ropes lie on.
         direction : (3,) array_like, optional
             From the ropes to the gripper, of any length but zero; crossings are seen from there. By default
             it is `up`.

@@ -73,10 +73,10 @@ def test_a_frame_by_its_number(tmp_path, capsys):
     assert main(["reconstruct", str(path), *KNOWN, "--frame", "2", "-o", str(out)]) == 0
     np.testing.assert_allclose(strand.load_model(out).chains[0].points, direct(2), rtol=0, atol=1e-9)
     capsys.readouterr()
-    assert main(["reconstruct", str(path), *KNOWN, "--frame", "3"]) == 2
-    assert capsys.readouterr().err == (
-        "strand: error: --frame: expected a number below 3, the number of frames, got 3\n"
-    )
+    for more in ([], ["--every", "2"]):
+        assert main(["reconstruct", str(path), *KNOWN, "--frame", "3", *more]) == 2
+        said = "strand: error: --frame 3: the recording has 3 frames, 0 to 2\n"
+        assert capsys.readouterr().err == said
 
 
 def test_every_frame_is_a_line(tmp_path, capsys):
@@ -149,7 +149,7 @@ def test_a_recording_without_camera_info_is_read_with_intrinsics(tmp_path, capsy
         (["rope.bag", "--every", "0"], 2, "step: expected at least 1"),
         (["rope.bag", "--frame", "-1"], 2, "start: expected at least 0"),
         (["rope.bag", "--tolerance", "-1"], 2, "tolerance: expected a number >= 0"),
-        (["rope.bag", "--mask", "a.png"], 2, "--mask: for scenes only"),
+        (["rope.bag", "--mask", "a.png"], 2, "--mask: for scenes only, and rope.bag is a recording"),
         (["rope.bag", "--every", "1", "--figures", "f"], 2, "--figures: for one frame only"),
         (["rope.bag", "-o", "rope.bag"], 2, "--out: expected another file than the inputs"),
         (["rope.bag", "-o", "no/a.json"], 3, "no/a.json: No such file or directory"),

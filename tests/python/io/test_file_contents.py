@@ -108,7 +108,11 @@ def test_a_model(tmp_path):
         ("empty.json", FileFormatError, "truncated, or not JSON"),
         ("empty.ply", FileFormatError, "the file is empty"),
         ("empty.mcap", FileFormatError, "truncated, damaged or not a bag"),
-        ("empty.html", FileFormatError, "expected a folder with a scene.toml"),
+        (
+            "empty.html",
+            FileFormatError,
+            r"expected a folder with a scene\.toml.* recordings are \.bag, .*ROS 2 bags",
+        ),
     ],
 )
 def test_unreadable_files_are_errors(tmp_path, name, error, said):

@@ -54,6 +54,11 @@ def test_a_gripper_at_every_grasp_touches_no_strand_and_no_table(name):
             assert nodes.query(part)[0].min() > R + 0.5 * GRIPPER.clearance
 
 
+def test_the_numbers_of_grasps_are_plain():
+    found = make_model(Chain(shape("figure8"), R)).grasps(GRIPPER, TABLE)
+    assert "np." not in repr(found)
+
+
 def test_what_lies_between_the_jaws_is_one_stretch_of_rope():
     chain = Chain(shape("overhand"), R)
     s = np.linspace(0, chain.length, 2000)

@@ -95,11 +95,21 @@ def explain_errors(extract: Extract, radii: Radii | None) -> Iterator[None]:
         reason = mistakes[0].reason if mistakes else None
         if extract.empty:
             reason = _explain_emptiness(extract, reason) or reason
-        elif reason is None and radii is not None:
-            reason = _explain_radius(extract, radii)
+        elif radii is not None:
+            reason = _explain_extent(extract, radii) or reason or _explain_radius(extract, radii)
         if reason is None:
             raise
         raise type(error)(f"{error}; {reason}") from error
+
+
+def _explain_extent(extract: Extract, radii: Radii) -> str | None:
+    """Say that a rope of the greatest radius does not fit into what the views show; None if it does."""
+    points = np.concatenate([_sample_points(view) for view in extract.inside])
+    extent, greatest = float(np.linalg.norm(np.ptp(points, axis=0))), float(radii.values.max())
+    if 2.0 * greatest < extent:
+        return None
+    wide = f"radius: a rope {2.0 * greatest:.3g} m wide"
+    return f"{wide} does not fit into points {extent:.2g} m across; is it in metres?"
 
 
 def _explain_radius(extract: Extract, radii: Radii) -> str | None:

@@ -24,6 +24,12 @@ def images(depth=DEPTH, intrinsics=K, poses=POSES):
     return [strand.View.from_depth(d, intrinsics, p) for d, p in zip(depth, poses, strict=True)]
 
 
+@pytest.mark.parametrize("bounds", [None, BOUNDS])
+def test_a_radius_in_millimetres(bounds):
+    with pytest.raises(strand.NotEnoughDataError, match=r"radius: a rope 8\.4 m wide .* is it in metres\?"):
+        strand.reconstruct(images(), 1e3 * SCENE.radius, bounds)
+
+
 def test_the_span_of_the_points_and_the_range_are_named():
     low, high = np.array([10.0, 10.0, 10.0]), np.array([11.0, 12.0, 13.0])
     said = message(images(), (low, high))
