@@ -70,6 +70,19 @@ def test_the_name_is_in_one_file():
     assert [place for place in find_places("maturin") if place.startswith("CONTRIBUTING.md")] != []
 
 
+def test_one_command_changes_the_name(tmp_path):
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    (command,) = re.findall(r"`(sed [^`]+)`", (ROOT / "RELEASING.md").read_text(encoding="utf-8"))
+    command = command.replace("strand", NAME).replace("NEW", "other-name")
+    subprocess.run(command, shell=True, cwd=tmp_path, check=True)
+    changed = read_toml(tmp_path / "pyproject.toml")
+    expected = read_toml(ROOT / "pyproject.toml")
+    expected["project"]["name"] = "other-name"
+    for entries in expected["project"]["optional-dependencies"].values():
+        entries[:] = [entry.replace(f"{NAME}[", "other-name[") for entry in entries]
+    assert changed == expected
+
+
 def test_extras_that_name_others_name_this_distribution():
     listed = [entry for entries in PROJECT["optional-dependencies"].values() for entry in entries]
     selves = [entry for entry in listed if re.match(r"[\w-]+\[[\w,]+\]$", entry)]
