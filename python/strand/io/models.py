@@ -16,7 +16,7 @@ from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
 from strand.ropes.model import FORMAT, VERSION, Model
 from strand.ropes.seen_side import USUAL_UP, check_table, check_up
 from strand.support.checks import check_integer, check_number, check_sequence, check_stamp, describe_value
-from strand.support.files import JSON_BYTES, FileFormatError, open_file, parse_json, read_json
+from strand.support.files import JSON_BYTES, FileFormatError, decode_json, open_file, parse_json, read_json
 from strand.views.sensor import Sensor
 
 REQUIRED = (  # keys that a model file must have
@@ -33,7 +33,8 @@ def load_model(path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> 
     path : str or path-like
         The JSON file.
     max_bytes : int
-        Largest accepted file, 64 MiB by default. Loading may take six times as much memory.
+        Half of the memory that text and values of the file may take, 224 MiB by default. The file of a model
+        may have some 0.3 `max_bytes`.
 
     Returns
     -------
@@ -46,8 +47,8 @@ def load_model(path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> 
     FileNotFoundError
         If the file does not exist.
     strand.FileFormatError
-        If the file is truncated, is not a model, or is larger than `max_bytes`. `place` names the key, such
-        as `chains[0]`, and `reason` says what is wrong there.
+        If the file is truncated, is not a model, or may take more than 2 x `max_bytes`. `place` names the
+        key, such as `chains[0]`, and `reason` says what is wrong there.
     """
     return _parse_model(path, read_json(path, check_integer("max_bytes", max_bytes, 1)))
 
@@ -74,7 +75,7 @@ def load_frames(path: str | os.PathLike[str]) -> Iterator[tuple[int, int, Model 
     FileNotFoundError
         If the file does not exist.
     strand.FileFormatError
-        If a line is truncated, is not a frame, or is longer than 64 MiB.
+        If a line is truncated, is not a frame, or takes more than 448 MiB of memory.
     """
     with open_file(path) as file:
         number = 0
@@ -83,14 +84,21 @@ def load_frames(path: str | os.PathLike[str]) -> Iterator[tuple[int, int, Model 
             place = f"line {number}"
             if len(line) > JSON_BYTES:
                 raise FileFormatError(path, f"longer than the {JSON_BYTES} bytes that may be read", place)
-            data = parse_json(path, line, place=place)
-            try:
-                frame, stamp = check_integer("frame", data["frame"]), check_integer("stamp", data["stamp"])
-                if "model" not in data:
-                    str(data["error"])
-            except (KeyError, TypeError, ValueError) as error:
-                raise FileFormatError(path, f"not a frame's model ({error})", place) from error
-            yield frame, stamp, _parse_model(path, data["model"]) if "model" in data else None
+            text = decode_json(path, line, place=place)
+            del line
+            yield _parse_frame(path, text, place)
+            del text
+
+
+def _parse_frame(path: str | os.PathLike[str], text: str, place: str) -> tuple[int, int, Model | None]:
+    data = parse_json(path, text, place)
+    try:
+        frame, stamp = check_integer("frame", data["frame"]), check_integer("stamp", data["stamp"])
+        if "model" not in data:
+            str(data["error"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileFormatError(path, f"not a frame's model ({error})", place) from error
+    return frame, stamp, _parse_model(path, data["model"]) if "model" in data else None
 
 
 def _parse_model(path: str | os.PathLike[str], data: Any) -> Model:

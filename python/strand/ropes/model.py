@@ -529,14 +529,14 @@ class Model:
             each node. A `.ply` has the nodes as vertices and a polyline for each rope. A `.usda` is that of
             `save_usd`. Lengths are in metres.
         max_bytes : int
-            Largest `.json` file, by default the 64 MiB that `strand.load_model` accepts by default.
+            The limit that `strand.load_model` needs for a `.json` file; both have the same default.
 
         Raises
         ------
         ValueError
             If the name ends with none of the four.
         strand.StrandError
-            If a `.json` file would be larger than `max_bytes`.
+            If `strand.load_model` would refuse the `.json` file.
         OSError
             If the file cannot be written, has hard links or is not a regular file; of the other `save_`
             methods too.

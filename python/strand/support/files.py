@@ -23,13 +23,13 @@ from strand.support.checks import check_path
 from strand.support.extras import import_extra
 from strand.support.rights import copy_rights
 
-JSON_BYTES = 1 << 26  # largest JSON file, bytes; the model of one rope takes 0.2 MB
+JSON_BYTES = 7 << 25  # limit of JSON files, bytes; that of one rope's model takes 0.2 MB, one of 68 MB fits
 TOML_BYTES = 1 << 18  # largest TOML file, bytes; people write these by hand
 
-_GROWTH = 5  # bytes of values for each byte that a JSON file may have; those of models count up to 4.5
+_TEXT = 2  # bytes of a byte of JSON, in the text and in a value
 # memory of JSON's values by their marks, bytes: a list, an object, an entry, a key, and half of a text
 _MARKS = {b"[": 80, b"{": 250, b",": 44, b":": 64, b'"': 32}
-_WIDE = 8  # bytes of a letter beyond ASCII, in the text and in a value; the letters around it take as many
+_WIDE = 8  # more bytes of it if a letter is beyond ASCII: the letters around it take as many as that one
 _PIECE = 4096  # entries of a list that are written at once
 _MAX_REASON = 400  # longest reason in an error, characters: reasons may quote the file
 # a key of more than 32 parts: tomllib's time and memory grow with the square of the number of parts
@@ -210,15 +210,15 @@ def write_json(
 
     Infinity raises ValueError, as JSON has none. A file that `read_json` would refuse raises StrandError.
     """
-    values = 0
+    marks, wide = 0, False
     with replace_file(path, links) as file:
         try:
             for text in _encode(value):
                 data = text.encode()
                 file.write(data)
-                values += _estimate_values(data)
-                if file.tell() >= max_bytes or values > _GROWTH * max_bytes:
-                    reason = f"the file would be larger than max_bytes={max_bytes} allows"
+                marks, wide = marks + _weigh_marks(data), wide or _is_wide(data)
+                if _sum_memory(file.tell() + 1, marks, wide) > 2 * max_bytes:
+                    reason = f"the file would take more memory than 2 x max_bytes={max_bytes}"
                     raise StrandError(f"{os.fspath(path)}: {reason}")
         except ValueError as error:
             raise ValueError(f"{path}: cannot be written as JSON ({error})") from error
@@ -256,25 +256,33 @@ def _dump(value: Any) -> str:
 
 
 def read_json(path: str | os.PathLike[str], max_bytes: int = JSON_BYTES) -> Any:
-    """Read a JSON file of at most `max_bytes`, with six times as much memory."""
-    return parse_json(path, read_bytes(path, max_bytes), max_bytes)
+    """Return the value of a JSON file, in at most 2 x `max_bytes` of memory."""
+    return parse_json(path, decode_json(path, read_bytes(path, max_bytes), max_bytes))
 
 
-def parse_json(
+def decode_json(
     path: str | os.PathLike[str], data: bytes, max_bytes: int = JSON_BYTES, place: str | None = None
-) -> Any:
-    """Return the value of JSON in UTF-8; refuse NaN, Infinity and numbers that overflow, such as 1e999.
+) -> str:
+    """Return JSON in UTF-8 as a text; refuse it if text and values may take more than 2 x `max_bytes`.
 
-    `path` is the file of the text, and `place` its place there; without a place, errors name the line.
-    Before anything is decoded, the memory of the values is compared with `max_bytes`, the largest file.
+    `path` is the file of the text, and `place` its place there. The caller drops the bytes before parsing.
     """
-    size = _estimate_values(data)
-    if size > _GROWTH * max_bytes:
-        reason = f"its values may take {size} bytes, more than {_GROWTH} for each of max_bytes={max_bytes}"
+    size = _sum_memory(len(data), _weigh_marks(data), _is_wide(data))
+    if size > 2 * max_bytes:
+        reason = f"text and values may take {size} bytes of memory, more than 2 x max_bytes={max_bytes}"
         raise FileFormatError(path, reason, place)
     try:
-        text = data.decode("utf-8-sig")
-        del data
+        return data.decode("utf-8-sig")
+    except ValueError as error:
+        raise FileFormatError(path, f"truncated, or not JSON ({error})", place) from error
+
+
+def parse_json(path: str | os.PathLike[str], text: str, place: str | None = None) -> Any:
+    """Return the value of a text of `decode_json`; refuse NaN, Infinity and numbers that overflow (1e999).
+
+    Without a place, errors name the line.
+    """
+    try:
         return json.loads(text, parse_constant=_refuse_constant, parse_float=_parse_finite)
     except json.JSONDecodeError as error:
         where = place or f"line {error.lineno}"
@@ -283,10 +291,19 @@ def parse_json(
         raise FileFormatError(path, f"truncated, or not JSON ({error})", place) from error
 
 
-def _estimate_values(data: bytes) -> int:
-    """Return the memory of the values of JSON in UTF-8, bytes."""
-    size = sum(each * data.count(mark) for mark, each in _MARKS.items())
-    return size if data.isascii() else size + _WIDE * len(data)
+def _weigh_marks(data: bytes) -> int:
+    """Return the memory of JSON's values by their marks, bytes."""
+    return sum(each * data.count(mark) for mark, each in _MARKS.items())
+
+
+def _is_wide(data: bytes) -> bool:
+    """Tell whether JSON may have letters beyond ASCII."""
+    return not data.isascii() or b"\\u" in data
+
+
+def _sum_memory(size: int, marks: int, wide: bool) -> int:
+    """Return the memory of the text and the values of JSON of `size` bytes, bytes."""
+    return (_TEXT + _WIDE * wide) * size + marks
 
 
 def _refuse_constant(name: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from shared.ropes import draw_circle, make_zigzags
 from strand import Chain, Model
 from strand.ropes.crossings import NOT_LISTED
 from strand.ropes.doubt import ModelWarning
+from strand.support.files import JSON_BYTES
 
 
 @given(
@@ -108,14 +110,19 @@ def test_what_is_saved_is_no_larger_than_what_may_be_loaded(tmp_path):
         (Chain(np.column_stack([np.log(turns), np.sin(turns), np.sqrt(turns)]), 0.01),), np.eye(4)[None]
     )
     model.save(path)
-    size = path.stat().st_size
+    with pytest.raises(strand.FileFormatError, match=r"may take .* more than 2 x max_bytes=") as caught:
+        strand.load_model(path, max_bytes=path.stat().st_size)
+    size = (int(re.findall(r"may take (\d+) bytes", str(caught.value))[0]) + 1) // 2
     model.save(path, max_bytes=size)
     assert len(strand.load_model(path, max_bytes=size).chains) == 1
-    with pytest.raises(strand.StrandError, match=f"larger than max_bytes={size - 1}"):
+    with pytest.raises(strand.StrandError, match=f"more memory than 2 x max_bytes={size - 1}"):
         model.save(tmp_path / "other.json", max_bytes=size - 1)
     assert [entry.name for entry in tmp_path.iterdir()] == ["model.json"]
-    with pytest.raises(strand.FileFormatError, match=f"larger than the {size - 1} bytes"):
+    with pytest.raises(strand.FileFormatError, match=f"more than 2 x max_bytes={size - 1}"):
         strand.load_model(path, max_bytes=size - 1)
+    # models of 64 MiB fit the default
+    assert size < 3.5 * path.stat().st_size
+    assert JSON_BYTES >= 3.5 * (64 << 20)
 
 
 def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path):

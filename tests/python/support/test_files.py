@@ -218,17 +218,16 @@ def test_json_written_in_pieces_is_the_same_text(tmp_path):
 
 
 def test_json_of_exactly_the_limit_is_written_and_read(tmp_path):
-    text, lists = 17 * "a", 1000 * [[]]
-    write_json(tmp_path / "a.json", text, max_bytes=20)
-    assert read_json(tmp_path / "a.json", 20) == text
-    # lists take little space in the file and much memory
-    for value, size in ((text, 19), (lists, 20_000)):
-        with pytest.raises(StrandError, match=rf"a\.json: the file would be larger than max_bytes={size} "):
-            write_json(tmp_path / "a.json", value, max_bytes=size)
-    assert read_json(tmp_path / "a.json") == text
-    write_json(tmp_path / "a.json", lists)
-    with pytest.raises(FileFormatError, match="max_bytes=20000"):
-        read_json(tmp_path / "a.json", 20_000)
+    file = tmp_path / "a.json"
+    # a text of 20 bytes with the end of the line, and two quotes; lists take far more memory than space
+    for value, size in ((17 * "a", 20 + 32), (1000 * [[]], 4001 + 62_018), (3 * "\xe9", 5 * 21 + 32)):
+        write_json(file, value, max_bytes=size)
+        assert read_json(file, size) == value
+        with pytest.raises(FileFormatError, match=f"more than 2 x max_bytes={size - 1}"):
+            read_json(file, size - 1)
+        with pytest.raises(StrandError, match=rf"a\.json: the file .* than 2 x max_bytes={size - 1}"):
+            write_json(file, value, max_bytes=size - 1)
+        assert read_json(file) == value
 
 
 @pytest.mark.parametrize("number", [np.inf, -np.inf])

@@ -18,8 +18,7 @@ _DEEP = b".".join([b"a"] * 29)  # a key of many parts
 
 def list_tricks() -> list[Trick]:
     """Return the tricks with JSON and TOML."""
-    # the values of a JSON file take at most five times the limit on the file, its text once
-    small, json = ((64 << 20) + 6 * size for size in (MAX_BYTES, JSON_BYTES))
+    json = (64 << 20) + 2 * JSON_BYTES
     values, texts, few = _list_values(MAX_BYTES - 64), _list_texts(MAX_BYTES - 64), _list_few(MAX_BYTES)
     toml, more = _list_toml(TOML_BYTES - 64), _list_tables(TOML_BYTES - 64)
     pinholes = {
@@ -36,7 +35,6 @@ def list_tricks() -> list[Trick]:
                 "a.json",
                 lambda file: strand.load_model(file, max_bytes=MAX_BYTES),
                 seconds=5.0,
-                most=small,
             )
             for name, makes in {"many values": values, "long texts": texts, "values that fit": few}.items()
         ),
@@ -44,8 +42,11 @@ def list_tricks() -> list[Trick]:
             try_files(
                 f"json of {name} at the default limit", {name: make}, "a.json", strand.load_model, most=json
             )
-            for name, make in {**_list_few(JSON_BYTES), **_list_texts(JSON_BYTES - 64)}.items()
-            if name in ("lists", "a text of a wide letter")
+            for name, make in {
+                **_list_few(JSON_BYTES),
+                "a text": _list_texts(JSON_BYTES - 64)["a text"],
+                "many lists": _list_values(JSON_BYTES - 64)["lists"],
+            }.items()
         ),
         try_files(
             "json of frames",
@@ -122,10 +123,14 @@ def _list_texts(size: int) -> dict[str, Make]:
 def _list_few(size: int) -> dict[str, Make]:
     """Return JSON whose values just fit into the memory that files of so many bytes have."""
     return {
-        "lists": lambda: _repeat(b"[],", size // 9),
-        "objects of one key": lambda: _repeat(b'{"a":0},', size // 12),
-        "numbers": lambda: _repeat(b"0.5,", size // 9 * 4),
-        "keys": lambda: b"{" + b",".join(b'"%x":0' % i for i in range(size // 36)) + b"}",
+        "lists": lambda: _repeat(b"[],", size // 22),
+        "objects of one key": lambda: _repeat(b'{"a":0},', size // 28),
+        "numbers": lambda: _repeat(b"0.5,", size // 27 * 4),
+        "keys": lambda: b"{" + b",".join(b'"%x":0' % i for i in range(size // 100)) + b"}",
+        "a text and lists": lambda: b'["' + b"a" * (size // 2) + b'",' + _repeat(b"[],", size // 44) + b"]",
+        "a text of a wide letter": lambda: b'"' + b"a" * (size // 5 - 32) + b'\\ud83d\\ude00"',
+        "escapes of a wide letter": lambda: b'"' + b"\\n" * (size // 10 - 32) + b'\\ud83d\\ude00"',
+        "a wide letter": lambda: '"\U0001f600'.encode() + b"a" * (size // 5 - 32) + b'"',
     }
 
 
