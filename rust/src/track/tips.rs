@@ -75,7 +75,8 @@ pub fn find(
         let own = if precise { m.along_image } else { m.along };
         let x = ((m.sample as f64 - tip as f64) * step + own) * sign / r;
         if x > FROM && x < TO {
-            counts[((x - FROM) / BIN) as usize] += each;
+            // just below TO the quotient rounds up
+            counts[(((x - FROM) / BIN) as usize).min(bins - 1)] += each;
         }
     }
     let area = 2.0 * seen.width(camera, tip, r) * seen.width(camera, tip, BIN * r) * seen.sine[tip];
