@@ -1,7 +1,8 @@
 """Draw a reconstruction: an HTML page, a recording for Rerun, and figures of every stage.
 
 `write_report` and `write_recording` show a model together with its views. `show` opens Rerun's viewer.
-`write_track_report` and `write_track_recording` play the answers of a `strand.Tracker`.
+`write_track_report` and `write_track_recording` play the answers of a `strand.Tracker`. `write_mcap`
+writes models on their timeline for Foxglove.
 `write_figures` draws all stages to PNG files, `plot_over_points` only the chains. Each other function
 returns one figure as a `matplotlib.figure.Figure`; it needs a model from `strand.reconstruct(...,
 keep_stages=True)`.
@@ -29,6 +30,7 @@ from strand.report.published_figures import (
 )
 from strand.report.rerun_tracks import write_track_recording
 from strand.report.rerun_view import show, write_recording
+from strand.report.scene_updates import write_mcap
 from strand.report.track_page import write_track_report
 
 __all__ = [
@@ -48,6 +50,7 @@ __all__ = [
     "plot_over_points",
     "show",
     "write_figures",
+    "write_mcap",
     "write_recording",
     "write_report",
     "write_track_recording",

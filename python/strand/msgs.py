@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand.io.recordings.camera_info import read_calibration
-from strand.io.recordings.frames import SECOND, count_nanoseconds
 from strand.io.recordings.message_views import make_view
 from strand.ropes.chain import Chain
 from strand.ropes.model import Model
@@ -26,6 +25,7 @@ from strand.support.checks import (
     check_integer,
     check_text,
 )
+from strand.support.stamps import SECOND, count_nanoseconds
 from strand.views.view import View
 
 Message = dict[str, Any]

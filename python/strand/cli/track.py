@@ -23,6 +23,7 @@ from strand.cli.outputs import protect_inputs
 from strand.cli.terminal import flush_before_message, print_message
 from strand.cli.track_frames import FrameSource, require_depth
 from strand.report.rerun_tracks import write_track_recording
+from strand.report.scene_updates import write_mcap
 from strand.report.track_page import write_track_report
 from strand.support.checks import Array
 from strand.support.extras import import_extra
@@ -33,7 +34,7 @@ HINT = "follow ropes through the frames of a recording"
 DESCRIPTION = """\
 Follow the same ropes through the frames of a recording, and write a Parquet
 file with one row per rope and frame, a page that plays them, or a recording
-for Rerun. Frames without masks get them from depth and colour, as in
+for Rerun or Foxglove. Frames without masks get them from depth and colour, as in
 `strand reconstruct`. A frame that is damaged becomes a row with its error.
 For many recordings, use `strand batch --track`."""
 
@@ -77,6 +78,9 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--rerun", type=values.parse_path, metavar="FILE", help="write this .rrd file for the viewer Rerun"
     )
     command.add_argument(
+        "--mcap", type=values.parse_path, metavar="FILE", help="write this .mcap file for the viewer Foxglove"
+    )
+    command.add_argument(
         "--frame", type=int, default=0, metavar="N", help="number of the first frame, from 0 (default: 0)"
     )
     command.add_argument(
@@ -109,7 +113,8 @@ def run(options: argparse.Namespace) -> None:
     _import_packages(options)
     source = FrameSource(options)
     _check_outputs(options, source)
-    film = None if options.report is None and options.rerun is None else _Film()
+    pictures = (options.report, options.rerun, options.mcap)
+    film = None if all(path is None for path in pictures) else _Film()
     counts = _Counts()
     rows = _follow(options, source, counts, film)
     if options.out is None:
@@ -127,6 +132,9 @@ def run(options: argparse.Namespace) -> None:
     if film is not None and options.rerun is not None:
         write_track_recording(film.tracks, options.rerun, numbers=film.numbers, clouds=film.clouds)
         print(options.rerun)
+    if film is not None and options.mcap is not None:
+        write_mcap((track.model for track in film.tracks), options.mcap)
+        print(options.mcap)
 
 
 def _import_packages(options: argparse.Namespace) -> None:
@@ -141,10 +149,10 @@ def _import_packages(options: argparse.Namespace) -> None:
 
 
 def _check_outputs(options: argparse.Namespace, source: FrameSource) -> None:
-    outputs = {"--out": options.out, "--report": options.report, "--rerun": options.rerun}
+    outputs = {f"--{name}": vars(options)[name] for name in ("out", "report", "rerun", "mcap")}
     given = {option: path for option, path in outputs.items() if path is not None}
     if not given:
-        raise ValueError("expected at least one of --out, --report and --rerun, got none")
+        raise ValueError("expected at least one of --out, --report, --rerun and --mcap, got none")
     inputs = (
         *source.files,
         *(path for path in (options.config, options.intrinsics) if isinstance(path, Path)),
@@ -154,6 +162,8 @@ def _check_outputs(options: argparse.Namespace, source: FrameSource) -> None:
         raise ValueError(f"{', '.join(given)}: expected different files, got one of them twice")
     if options.out is not None:
         check_suffix(options.out, ("parquet",))
+    if options.mcap is not None:
+        check_suffix(options.mcap, ("mcap",))
     for path in given.values():
         require_writable(path)
 

@@ -6,11 +6,8 @@ import os
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
-from strand.geometry.polyline import find_runs
 from strand.report.drawn_chains import pick_color
-from strand.report.tracks import Track, TrackedRope, check_tracks, name_rope
+from strand.report.tracks import Track, TrackedRope, check_tracks, cut_rope, name_rope
 from strand.support.checks import Array, check_clouds, check_path
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
@@ -77,7 +74,7 @@ def write_track_recording(
 
 def _log_rope(rerun: Any, recording: Any, rope: TrackedRope) -> None:
     color, name = tuple(bytes.fromhex(pick_color(rope.number)[1:])), f"ropes/{rope.number}"
-    shown, hidden = (_cut(rope, predicted) for predicted in (False, True))
+    shown, hidden = (cut_rope(rope, predicted) for predicted in (False, True))
     label = f"{name_rope(rope)}, {rope.state}"
     recording.log(f"{name}/line", rerun.LineStrips3D(shown, radii=rope.radius / 3, colors=[color]))
     recording.log(f"{name}/predicted", rerun.LineStrips3D(hidden, radii=rope.radius / 6, colors=[_HIDDEN]))
@@ -85,13 +82,3 @@ def _log_rope(rerun: Any, recording: Any, rope: TrackedRope) -> None:
         f"{name}/ends",
         rerun.Points3D(rope.points[[0, -1]], radii=rope.radius, colors=[color], labels=[label, "last end"]),
     )
-
-
-def _cut(rope: TrackedRope, predicted: bool) -> list[Array]:
-    """Return the stretches that are predicted with the nodes beside them, or those that are not."""
-    chosen = rope.predicted if predicted else ~rope.predicted
-    beside = 1 if predicted else 0
-    parts = (
-        rope.points[max(start - beside, 0) : stop + beside] for start, stop in find_runs(np.asarray(chosen))
-    )
-    return [part for part in parts if len(part) > 1]

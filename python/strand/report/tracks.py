@@ -8,9 +8,11 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from strand.geometry.polyline import find_runs
 from strand.support.checks import Array, check_instances, check_integer, check_sequence
 
 
+@runtime_checkable
 class TrackedRope(Protocol):
     """A rope at a time."""
 
@@ -63,6 +65,16 @@ class Track(Protocol):
 def name_rope(rope: TrackedRope) -> str:
     """Return a rope's number and length in words."""
     return f"rope {rope.number}: {1e3 * rope.length:.0f} mm"
+
+
+def cut_rope(rope: TrackedRope, predicted: bool) -> list[Array]:
+    """Return the stretches that are predicted with the nodes beside them, or those that are not."""
+    chosen = rope.predicted if predicted else ~rope.predicted
+    beside = 1 if predicted else 0
+    parts = (
+        rope.points[max(start - beside, 0) : stop + beside] for start, stop in find_runs(np.asarray(chosen))
+    )
+    return [part for part in parts if len(part) > 1]
 
 
 def check_tracks(

@@ -151,7 +151,8 @@ def folder(frames, tmp_path_factory):
         (["no.bag", "-o", "a.parquet"], 3, "no.bag: No such file or directory"),
         (["empty", "-o", "a.parquet"], 2, "recordings: "),
         (["points", "-o", "a.parquet"], 2, "recordings: "),
-        (["depth"], 2, "expected at least one of --out, --report and --rerun, got none"),
+        (["depth"], 2, "expected at least one of --out, --report, --rerun and --mcap, got none"),
+        (["depth", "--mcap", "a.bag"], 2, "a.bag: expected a name that ends with .mcap"),
         (["depth", "-o", "a.csv"], 2, "a.csv: expected a name that ends with .parquet"),
         (["depth", "-o", "no/a.parquet"], 3, "no/a.parquet: No such file or directory"),
         (["depth", "-o", "a.parquet", "--report", "a.parquet"], 2, "expected different files"),
@@ -206,8 +207,10 @@ def test_missing_packages_are_named_before_the_work(option, module, monkeypatch,
 
 def test_a_page_is_written_along(made, frames, tmp_path, capsys):
     folder, page = save_images(tmp_path / "depth", frames[:3]), tmp_path / "a.html"
-    assert main(["track", str(folder), *K_WORDS, "--radius", f"{made.radius}", "--report", str(page)]) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == str(page)
+    words, updates = ["track", str(folder), *K_WORDS, "--radius", f"{made.radius}"], tmp_path / "a.mcap"
+    assert main([*words, "--report", str(page), "--mcap", str(updates)]) == 0
+    assert capsys.readouterr().out.splitlines()[-2:] == [str(page), str(updates)]
+    assert updates.read_bytes().count(b'"id": "rope_0"') == 3
     text = page.read_text("utf-8")
     assert "<h1>depth</h1>" in text
     assert "3 frames in 0.07 s; rope 0: " in text

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from strand.io.recordings.message import Message
+from strand.support.stamps import SECOND
 from strand.views.view import View
-
-SECOND = 10**9
-"""Nanoseconds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +61,3 @@ class UndecodedFrame:
     messages: tuple[Message, ...]
     colors: tuple[Message | None, ...]
     held: int
-
-
-def count_nanoseconds(seconds: float) -> int:
-    """Return the whole number of nanoseconds nearest to a time."""
-    whole = math.floor(seconds)
-    # the difference is exact: a product of the whole time would lose digits
-    return whole * SECOND + round((seconds - whole) * SECOND)

@@ -18,7 +18,7 @@ from strand.io.recordings.color_alignment import align_colors
 from strand.io.recordings.color_messages import decode_color_message
 from strand.io.recordings.color_pairing import pair_colors
 from strand.io.recordings.color_topics import find_color_cameras, find_color_pose
-from strand.io.recordings.frames import SECOND, Frame, UndecodedFrame
+from strand.io.recordings.frames import Frame, UndecodedFrame
 from strand.io.recordings.message import MESSAGE_BYTES, Message
 from strand.io.recordings.message_views import FindColors, make_view
 from strand.io.recordings.synchronization import find_last_uses, find_nearest, match_messages
@@ -39,6 +39,7 @@ from strand.support.checks import (
 )
 from strand.support.files import FileFormatError
 from strand.support.lazy import lazy_property
+from strand.support.stamps import SECOND
 
 TOLERANCE = 0.02  # seconds between the views of a frame, at most: half a frame at 25 Hz
 

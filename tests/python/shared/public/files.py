@@ -204,6 +204,11 @@ def _list_pictures(folder: Path) -> dict[str, Call]:
         "figures.write_report": written(
             "write_report", "page.html", shown | {"title": "Ropes", "given": {"radius": "4 mm"}}
         ),
+        "figures.write_mcap": written(
+            "write_mcap",
+            "ropes.mcap",
+            {"models": [model], "frame_id": "table", "topic": "/rope", "lifetime": 1.0},
+        ),
         "figures.write_recording": written("write_recording", "model.rrd", shown),
         "figures.show": Call(show, shown),
         "figures.write_track_report": written(

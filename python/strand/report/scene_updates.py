@@ -1,0 +1,216 @@
+"""Show models in Foxglove: an MCAP file of scene updates, with a line for each rope and its crossings."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from strand._core import __version__
+from strand.report.drawn_chains import close_path, pick_color
+from strand.report.mcap_file import McapFile
+from strand.report.tracks import TrackedRope, cut_rope
+from strand.ropes.chain import Chain
+from strand.ropes.crossings import list_crossings
+from strand.ropes.model import Model
+from strand.support.checks import Array, check_nonnegative, check_path, check_text
+from strand.support.files import check_suffix, replace_file
+from strand.support.stamps import SECOND, count_nanoseconds
+
+Message = dict[str, Any]
+
+_KIND = "foxglove.SceneUpdate"
+_LINE_STRIP = 0  # type of a line
+_MATCHING_ID = 0  # type of a deletion
+_DECIMALS = 6  # of metres: micrometres
+_CROSSINGS = "crossings"
+_CROSSING = {"r": 1.0, "g": 0.5, "b": 0.05, "a": 0.8}  # orange
+_HIDDEN = {"r": 0.54, "g": 0.54, "b": 0.54, "a": 1.0}  # grey: predicted parts
+_MARK = 1.5  # radius of the mark of a crossing, in the ropes' radii
+_RAISED = 5.0  # of a crossing's text above it, in the ropes' radii
+_FONT = 4.0  # height of a text, in the ropes' radii
+_LATEST = 2**32  # seconds: messages have no later times
+_FLAT = ("metadata", "arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models")
+
+
+def write_mcap(
+    models: Iterable[Model],
+    path: str | os.PathLike[str],
+    *,
+    frame_id: str = "world",
+    topic: str = "/ropes",
+    lifetime: float = 0.0,
+) -> None:
+    """Write models as `foxglove.SceneUpdate` messages in JSON to an MCAP file, one at each `Model.stamp`.
+
+    Each rope is an entity such as `rope_0` with a line as thick as the rope, in its colour, or one of a
+    palette where that is not known. The number is that of the chain, or of the tracked rope. What is
+    predicted of a tracked rope is grey. The entity `crossings` has a sphere at each crossing, with the
+    probability of its order. A rope that the next model lacks is deleted.
+
+    Parameters
+    ----------
+    models : iterable of Model
+        They are written one by one. For tracks, `(track.model for track in tracks)`.
+    path : str or path-like
+        The `.mcap` file. An existing one is replaced when the new one is complete.
+    frame_id : str
+        The TF frame that is strand's world frame.
+    topic : str
+    lifetime : float
+        Seconds from its stamp after which a viewer removes a rope; with 0 it stays until the next model.
+
+    Raises
+    ------
+    TypeError
+        If an argument is of the wrong kind.
+    ValueError
+        If the name does not end with `.mcap`, `lifetime` is negative, or a stamp is before 1970. A single
+        model needs no stamp: its time is 0. Of several, each needs one.
+    OSError
+        If the file cannot be written.
+    """
+    check_suffix(path, ("mcap",))
+    if isinstance(models, (Model, str, bytes)) or not isinstance(models, Iterable):
+        raise TypeError(f"models: expected an iterable of Model, got {type(models).__name__}")
+    place, frame, topic = (
+        check_path("path", path),
+        check_text("frame_id", frame_id),
+        check_text("topic", topic),
+    )
+    lasting = _split(min(check_nonnegative("lifetime", lifetime), _LATEST))
+    before: list[str] = []
+    unstamped = False
+    with replace_file(place) as file:
+        written = McapFile(file, topic, _KIND, json.dumps(_make_schema()).encode(), f"strand {__version__}")
+        for number, model in enumerate(models):
+            if not isinstance(model, Model):
+                raise TypeError(f"models[{number}]: expected a Model, got {type(model).__name__}")
+            if unstamped or (model.stamp is None and number):
+                raise ValueError("models: expected a stamp in each of several models, got None")
+            unstamped = model.stamp is None
+            at = 0.0 if model.stamp is None else model.stamp
+            if not 0.0 <= at < _LATEST:
+                raise ValueError(f"models[{number}].stamp: expected seconds from 0 to {_LATEST}, got {at:g}")
+            update = _make_update(model, at, frame, lasting, before)
+            before = [entity["id"] for entity in update["entities"]]
+            written.add(count_nanoseconds(at), json.dumps(update, allow_nan=False).encode())
+        written.end()
+
+
+def _make_update(model: Model, at: float, frame: str, lasting: Message, before: list[str]) -> Message:
+    """Return the message of a model; `before` are the entities of the last one."""
+    common = {"timestamp": _split(at), "frame_id": frame, "lifetime": lasting, "frame_locked": False}
+    common |= {name: [] for name in _FLAT}
+    entities = []
+    for i, chain in enumerate(model.chains):
+        number = chain.number if isinstance(chain, TrackedRope) else i
+        facts = {"length": f"{chain.length:.4f} m", "radius": f"{chain.radius:.5f} m"}
+        if not math.isnan(chain.confidence):
+            facts["confidence"] = f"{chain.confidence:.3f}"
+        metadata = [{"key": key, "value": value} for key, value in facts.items()]
+        lines = _draw_lines(chain, number)
+        entities.append({**common, "id": f"rope_{number}", "metadata": metadata, "lines": lines})
+    entities.append({**common, "id": _CROSSINGS, **_draw_crossings(model)})
+    names = {entity["id"] for entity in entities}
+    gone = [
+        {"timestamp": _split(at), "type": _MATCHING_ID, "id": name} for name in before if name not in names
+    ]
+    return {"deletions": gone, "entities": entities}
+
+
+def _draw_lines(chain: Chain, number: int) -> list[Message]:
+    shown, hidden = [close_path(chain)], list[Array]()
+    if isinstance(chain, TrackedRope):
+        shown, hidden = cut_rope(chain, False), cut_rope(chain, True)
+    shares = chain.color
+    if shares is None:
+        shares = np.array(tuple(bytes.fromhex(pick_color(number)[1:]))) / 255.0
+    red, green, blue = np.round(shares, 3).tolist()
+    color = {"r": red, "g": green, "b": blue, "a": 1.0}
+    return [
+        {
+            "type": _LINE_STRIP,
+            "pose": _make_pose(np.zeros(3)),
+            "thickness": 2.0 * chain.radius,
+            "scale_invariant": False,
+            "points": [_make_point(node) for node in path],
+            "color": own,
+            "colors": [],
+            "indices": [],
+        }
+        for paths, own in ((shown, color), (hidden, _HIDDEN))
+        for path in paths
+    ]
+
+
+def _draw_crossings(model: Model) -> dict[str, list[Message]]:
+    spheres, texts = [], []
+    for crossing in list_crossings(model.chains, model.up, model.doubts, model.confidence) or ():
+        radius = model.chains[crossing.over[0]].radius
+        size = dict.fromkeys("xyz", 2.0 * _MARK * radius)
+        spheres.append({"pose": _make_pose(crossing.place), "size": size, "color": _CROSSING})
+        sure = crossing.probability
+        texts.append(
+            {
+                "pose": _make_pose(crossing.place + _RAISED * radius * model.up),
+                "billboard": True,
+                "font_size": _FONT * radius,
+                "scale_invariant": False,
+                "color": _CROSSING,
+                "text": "?" if math.isnan(sure) else f"{sure:.2f}",
+            }
+        )
+    return {"spheres": spheres, "texts": texts}
+
+
+def _split(seconds: float) -> Message:
+    sec, nsec = divmod(count_nanoseconds(seconds), SECOND)
+    return {"sec": sec, "nsec": nsec}
+
+
+def _make_point(place: Array) -> Message:
+    return dict(zip("xyz", np.round(place, _DECIMALS).tolist(), strict=True))
+
+
+def _make_pose(place: Array) -> Message:
+    return {"position": _make_point(place), "orientation": dict.fromkeys("xyz", 0.0) | {"w": 1.0}}
+
+
+def _make_schema() -> Message:
+    """Return the JSON Schema of the messages; lists that strand leaves empty have entries of any kind."""
+    point, color = dict.fromkeys("xyz", "number"), dict.fromkeys("rgba", "number")
+    pose = {"position": point, "orientation": dict.fromkeys("xyzw", "number")}
+    time = {"sec": "integer", "nsec": "integer"}
+    line: Message = {"type": "integer", "pose": pose, "thickness": "number", "scale_invariant": "boolean"}
+    line |= {"points": [point], "color": color, "colors": [color], "indices": ["integer"]}
+    text: Message = {
+        "pose": pose,
+        "billboard": "boolean",
+        "font_size": "number",
+        "scale_invariant": "boolean",
+    }
+    entity: Message = {"timestamp": time, "frame_id": "string", "id": "string", "lifetime": time}
+    entity |= {"frame_locked": "boolean"} | {name: [{}] for name in _FLAT}
+    entity |= {
+        "metadata": [{"key": "string", "value": "string"}],
+        "spheres": [{"pose": pose, "size": point, "color": color}],
+        "lines": [line],
+        "texts": [text | {"color": color, "text": "string"}],
+    }
+    deletion: Message = {"timestamp": time, "type": "integer", "id": "string"}
+    return {"title": _KIND} | _describe({"deletions": [deletion], "entities": [entity]})
+
+
+def _describe(fields: Any) -> Message:
+    """Return the JSON Schema of a value: the name of a type, a list of one kind, or an object of fields."""
+    if isinstance(fields, str):
+        return {"type": fields}
+    if isinstance(fields, list):
+        return {"type": "array", "items": _describe(fields[0])}
+    described = {name: _describe(kind) for name, kind in fields.items()}
+    return {"type": "object", "properties": described, "required": list(fields)}
