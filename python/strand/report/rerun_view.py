@@ -33,6 +33,8 @@ def write_recording(
 ) -> None:
     """Write a recording for Rerun's viewer; no window opens.
 
+    A model with a stamp is on the timeline `time`; one without is there at all times.
+
     Parameters
     ----------
     model : Model
@@ -99,9 +101,11 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
     views = check_views(views)
     cameras = make_cameras(model, views)
     lines = check_clouds("truth", truth)
+    if model.stamp is not None:
+        recording.set_time("time", timestamp=model.stamp)
 
     def log(name: str, *shapes: Any) -> None:
-        recording.log(name, *shapes, static=True)
+        recording.log(name, *shapes, static=model.stamp is None)
 
     nodes = np.vstack([np.zeros((0, 3)), *(chain.points for chain in model.chains)])
     middle = nodes.mean(axis=0) if len(nodes) else np.zeros(3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -14,13 +15,17 @@ from strand.figures import show, write_recording
 
 class Recording:
     def __init__(self, name):
-        self.told, self.spawned, self.flushed = {}, False, False
+        self.told, self.spawned, self.flushed, self.time = {}, False, False, None
         Recording.last = self
 
     def log(self, name, what, *, static):
-        assert static
+        assert static == (self.time is None)
         assert " " not in name
         self.told.setdefault(name, []).append(what)
+
+    def set_time(self, name, *, timestamp):
+        assert name == "time"
+        self.time = timestamp
 
     def memory_recording(self):
         return SimpleNamespace(drain_as_bytes=lambda: b"RRF" + str(len(self.told)).encode())
@@ -61,6 +66,14 @@ def test_everything_is_logged_and_the_file_is_complete(paper, paper_model, tmp_p
     np.testing.assert_allclose(told["cameras/1/depth"][0].values[0], paper.views[1].image.depth, rtol=1e-6)
     assert len(told["truth/0"][0].values[0][0]) == len(paper.truth[0])
     assert {"ends/0", "crossings", "next_view"} <= set(told)
+
+
+@pytest.mark.usefixtures("rerun")
+def test_a_model_with_a_stamp_is_on_a_timeline(paper, paper_model, tmp_path):
+    for stamp in (None, 1_700_000_000.5):
+        write_recording(replace(paper_model, stamp=stamp), paper.views, tmp_path / "a.rrd")
+        assert Recording.last.time == stamp
+        assert "chains/0" in Recording.last.told
 
 
 @pytest.mark.usefixtures("rerun")
