@@ -174,14 +174,14 @@ def _find_in_clouds(observed: Observed, config: Config, run: Run) -> Found:
         measured or observed.pictures or (images.sure and show_surface(observed.views, observed.radius))
     ):
         raise NotEnoughDataError("views: the points make no rope; is the radius right, in metres?")
-    if found.branch == "images":
+    if tubes is None or found is not tubes.found:
         found = turn_back(found, pictured, observed)
-        if not observed.pictures:
-            stray = doubt_stray_points(measure_shown_share(observed, found, _DEVIATIONS))
-            if stray.amount > _MIN_WARNED:
-                own.warn(stray.kind, str(stray), amount=stray.amount)
-            doubts = [doubt for doubt in (_NOTHING_AROUND, stray) if doubt.amount > MIN_DOUBT]
-            found = replace(found, doubts=(*(found.doubts or ()), *doubts))
+    if found.branch == "images" and not observed.pictures:
+        stray = doubt_stray_points(measure_shown_share(observed, found, _DEVIATIONS))
+        if stray.amount > _MIN_WARNED:
+            own.warn(stray.kind, str(stray), amount=stray.amount)
+        doubts = [doubt for doubt in (_NOTHING_AROUND, stray) if doubt.amount > MIN_DOUBT]
+        found = replace(found, doubts=(*(found.doubts or ()), *doubts))
     return _Attempt(found, own).take(run)
 
 

@@ -71,6 +71,16 @@ def test_tubes_answer_where_errors_are_independent():
     assert is_right(model, made.truth, made.radius)
 
 
+def test_tubes_beside_a_table_keep_the_frames_of_the_views():
+    made = scene(seed=3, views=2)
+    views = [from_world(view) for view in made.views]
+    model = strand.reconstruct(views, made.radius)
+    assert model.branch == "tubes"
+    # images of points have axes of their own
+    assert [pose[:3, :3] for pose in model.poses] == [pytest.approx(np.eye(3), abs=0.05)] * 2
+    assert "pose" not in [doubt.kind for doubt in model.doubts]
+
+
 def test_a_cloud_with_its_table_gives_the_answer_of_its_image():
     made = strand.synthetic.cluttered_scene(4)
     views = made.views[:1]
