@@ -380,6 +380,7 @@ def _take_better(
         config,
         observed,
         reading.taken,
+        reading.explanations,
     )
     best = explanations[0]
     same = best.reading is rival or _have_same_courses(best.fit.nodes, ropes, observed.radius)

@@ -150,13 +150,17 @@ def fit_readings(
     held: int,
     errors: Errors,
     config: Config,
+    known: Sequence[Explanation] = (),
 ) -> list[tuple[Reading, ImageFit]]:
-    """Fit readings to all views; drop those whose ropes have no depth."""
+    """Fit readings to all views, but for those with known fits; drop those whose ropes have no depth."""
     poses = (config.poses.rotation_sd, config.poses.translation_sd)
-    hypotheses = [(reading.view, reading.chains) for reading in readings]
+    fits: dict[Reading, ImageFit | None] = {one.reading: one.fit for one in known}
+    new = [reading for reading in readings if reading not in fits]
+    hypotheses = [(reading.view, reading.chains) for reading in new]
     among = choose_compared(len(images.radii), held)
-    fits = images.fit(hypotheses, table, held, poses, errors.values, _STEPS, False, among)
-    return [(reading, fit) for reading, fit in zip(readings, fits, strict=True) if fit is not None]
+    fitted = images.fit(hypotheses, table, held, poses, errors.values, _STEPS, False, among)
+    fits.update(zip(new, fitted, strict=True))
+    return [(reading, fit) for reading in readings if (fit := fits[reading]) is not None]
 
 
 def fit_and_rank(
@@ -168,15 +172,16 @@ def fit_and_rank(
     config: Config,
     observed: Observed,
     taken: Sequence[DepthImage],
+    known: Sequence[Explanation] = (),
 ) -> list[Explanation]:
     """Fit readings to all views; return the explanations, the best first.
 
-    `taken` are the images in whose pixels readings are.
+    `taken` are the images in whose pixels readings are. Explanations in `known` keep their fits.
 
     Depth counts less where even the best hypothesis fits it worse than its noise allows. Then images count
     more.
     """
-    pairs = fit_readings(images, readings, table, held, errors, config)
+    pairs = fit_readings(images, readings, table, held, errors, config, known)
     if not pairs:
         return []
     misfits = np.array([fit.misfit for _, fit in pairs])

@@ -24,7 +24,7 @@ from strand.support.checks import Array
 _CUT_BACK = (2.5, 6.0)  # radii: ends are cut back this far where arcs run into each other
 _OBVIOUS_COST = 1.25  # cost of each end up to which a join is obvious
 _MAX_ARCS = 200  # more are no ropes
-_MAX_EFFORT = 40_000  # sum of the squared numbers of arcs of all hypotheses but the last
+_MAX_EFFORT = 15_000  # sum of the squared numbers of arcs of all hypotheses but the last
 _MAX_BRIDGES = 1000  # pairs of ends: of more, only those of near ends are priced
 _MIN_PARTNERS = 4  # nearest ends that each end is priced with in any case
 _DOUBTFUL_COST = 8.0  # joins without which the matching costs up to this more are tried without
