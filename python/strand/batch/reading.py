@@ -10,15 +10,17 @@ from typing import Any
 
 import numpy as np
 
+from strand.batch.pages import measure_footer, measure_pages
 from strand.batch.shards import list_shards
 from strand.batch.table import SCHEMA_VERSION, make_schema
 from strand.batch.writing import VERSION_KEY
 from strand.geometry.plane import Plane
+from strand.io.budget import MAX_BYTES
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import ModelWarning
 from strand.ropes.model import Model
 from strand.ropes.seen_side import USUAL_UP
-from strand.support.checks import check_path, check_sequence, check_text
+from strand.support.checks import check_integer, check_path, check_sequence, check_text
 from strand.support.extras import import_extra
 from strand.support.files import FileFormatError, open_file
 from strand.tracking.track import TrackedRope
@@ -27,7 +29,9 @@ from strand.tracking.track import TrackedRope
 _KINDS_WITH_CHAINS = ("branch", "cut end")
 
 
-def load_table(out: str | os.PathLike[str], columns: Sequence[str] | None = None) -> Any:
+def load_table(
+    out: str | os.PathLike[str], columns: Sequence[str] | None = None, *, max_bytes: int = MAX_BYTES
+) -> Any:
     """Read a batch's table.
 
     Parameters
@@ -37,6 +41,8 @@ def load_table(out: str | os.PathLike[str], columns: Sequence[str] | None = None
     columns : sequence of str, optional
         The columns to read; all by default. Without nodes and covariances, a table is a hundred times
         smaller.
+    max_bytes : int
+        Half of the memory that the table may take by the headers of the shards, 4 GiB by default.
 
     Returns
     -------
@@ -50,12 +56,13 @@ def load_table(out: str | os.PathLike[str], columns: Sequence[str] | None = None
     ValueError
         If the schema has no such column.
     strand.FileFormatError
-        If a shard is damaged.
+        If a shard is damaged, or the table may take more than 2 x `max_bytes`.
     ImportError
         If pyarrow is not installed.
     """
     pa, wanted = import_extra("pyarrow"), _check_columns(columns)
-    tables = [table for _, table in iterate_shards(out, [*dict.fromkeys(["recording", "frame", *wanted])])]
+    read = [*dict.fromkeys(["recording", "frame", *wanted])]
+    tables = [table for _, table in iterate_shards(out, read, max_bytes, whole=True)]
     # a shard holds frames of one recording in order, so it is enough to sort the shards
     tables.sort(key=_get_first_frame)
     if not tables:
@@ -63,13 +70,17 @@ def load_table(out: str | os.PathLike[str], columns: Sequence[str] | None = None
     return pa.concat_tables(tables).select(wanted)
 
 
-def load_models(out: str | os.PathLike[str]) -> Iterator[tuple[str, int, Model]]:
+def load_models(
+    out: str | os.PathLike[str], *, max_bytes: int = MAX_BYTES
+) -> Iterator[tuple[str, int, Model]]:
     """Yield a batch's models, with one shard in memory at a time; skip frames with an error.
 
     Parameters
     ----------
     out : path
         The folder of shards.
+    max_bytes : int
+        Half of the memory that the rows of a shard may take by its headers, 4 GiB by default.
 
     Yields
     ------
@@ -86,7 +97,7 @@ def load_models(out: str | os.PathLike[str]) -> Iterator[tuple[str, int, Model]]
     FileNotFoundError
         If the folder does not exist.
     strand.FileFormatError
-        If a shard is damaged.
+        If a shard is damaged, or may take more than 2 x `max_bytes`.
     ImportError
         If pyarrow is not installed.
 
@@ -94,7 +105,7 @@ def load_models(out: str | os.PathLike[str]) -> Iterator[tuple[str, int, Model]]
     -----
     The recordings come in no particular order; the frames of each are in order.
     """
-    for path, table in iterate_shards(out, _check_columns(None)):
+    for path, table in iterate_shards(out, _check_columns(None), max_bytes):
         rows: list[dict[str, Any]] = []
         for row in table.to_pylist():
             if rows and row["frame"] != rows[0]["frame"]:
@@ -104,28 +115,52 @@ def load_models(out: str | os.PathLike[str]) -> Iterator[tuple[str, int, Model]]
         yield from _make_model(path, rows)
 
 
-def iterate_shards(out: str | os.PathLike[str], columns: Sequence[str]) -> Iterator[tuple[Path, Any]]:
-    """Yield the path and the table of each shard, in the order of their names."""
+def iterate_shards(
+    out: str | os.PathLike[str], columns: Sequence[str], max_bytes: int, whole: bool = False
+) -> Iterator[tuple[Path, Any]]:
+    """Yield the path and the table of each shard, in the order of their names.
+
+    By the headers of their pages, all tables together (`whole`) or the Python objects of each take at most
+    2 x `max_bytes`; this is checked before pyarrow decodes them.
+    """
     pa, pq = import_extra("pyarrow"), import_extra("pyarrow.parquet")
     schema, folder = make_schema(), check_path("out", out)
+    left = 2 * check_integer("max_bytes", max_bytes, 1)
     for name in sorted(list_shards(folder), key=_get_sort_key):
         path = folder / name
         try:
             with open_file(path) as opened:
-                file = pq.ParquetFile(opened, page_checksum_verification=True)
+                length, memory = measure_footer(opened, os.fstat(opened.fileno()).st_size)
+                _require_memory(path, memory, left, max_bytes)
+                file = pq.ParquetFile(
+                    opened, page_checksum_verification=True, thrift_container_size_limit=max(length, 1)
+                )
                 _check_version(path, file.metadata.metadata)
                 if not file.schema_arrow.equals(schema):
                     # checksums protect the rows, but not their types
                     raise FileFormatError(path, "truncated, damaged or not a shard (other columns)")
+                leaves = [file.schema.column(k).path.partition(".")[0] for k in range(len(file.schema))]
+                wanted = [k for k, leaf in enumerate(leaves) if leaf in columns]
+                memory += measure_pages(opened, file.metadata, wanted, not whole, left - memory)
+                _require_memory(path, memory, left, max_bytes)
                 table = file.read(columns=list(columns), use_threads=False)
+            left -= table.nbytes if whole else 0
             if len(table) != file.metadata.num_rows:
                 raise FileFormatError(path, f"expected {file.metadata.num_rows} rows, got {len(table)}")
             yield path, table.select(columns).cast(pa.schema([schema.field(name) for name in columns]))
-        except (pa.ArrowException, KeyError, UnicodeDecodeError, OSError) as error:
+        except FileFormatError:
+            raise
+        except (pa.ArrowException, KeyError, ValueError, OSError) as error:
             # errors of the disk have a number; those of pyarrow have none
             if isinstance(error, OSError) and error.errno is not None:
                 raise
             raise FileFormatError(path, f"truncated, damaged or not a shard ({error})") from error
+
+
+def _require_memory(path: Path, memory: int, left: int, max_bytes: int) -> None:
+    if memory > left:
+        reason = f"may take {memory} bytes of memory, but {left} are left of 2 x max_bytes={max_bytes}"
+        raise FileFormatError(path, reason)
 
 
 def _check_version(path: Path, metadata: dict[bytes, bytes] | None) -> None:

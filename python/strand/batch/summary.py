@@ -16,6 +16,7 @@ import numpy as np
 
 from strand._core import __version__
 from strand.batch.reading import iterate_shards
+from strand.io.budget import MAX_BYTES
 from strand.support.checks import Array, check_path
 from strand.support.files import write_bytes
 
@@ -66,7 +67,7 @@ class Summary:
     seconds: float
 
 
-def summarize(out: str | os.PathLike[str]) -> Summary:
+def summarize(out: str | os.PathLike[str], max_bytes: int = MAX_BYTES) -> Summary:
     """Return the summary of a folder of shards, with one shard in memory at a time."""
     recordings: set[str] = set()
     confidence: list[float] = []
@@ -75,7 +76,7 @@ def summarize(out: str | os.PathLike[str]) -> Summary:
     examples: dict[str, str] = {}
     slowest: list[tuple[float, str, int | None]] = []
     frames, answered, seconds = 0, 0, 0.0
-    for _, table in iterate_shards(out, _COLUMNS):
+    for _, table in iterate_shards(out, _COLUMNS, max_bytes):
         for row in _read_rows(table):
             recordings.add(row["recording"])
             if row["rope"] is not None:
@@ -108,7 +109,9 @@ def summarize(out: str | os.PathLike[str]) -> Summary:
     )
 
 
-def write_summary(out: str | os.PathLike[str], page: str | os.PathLike[str]) -> None:
+def write_summary(
+    out: str | os.PathLike[str], page: str | os.PathLike[str], *, max_bytes: int = MAX_BYTES
+) -> None:
     """Write an HTML page about a batch; it needs no network.
 
     The page shows the number of frames with an answer, the ropes' confidence and lengths, the kinds of error,
@@ -120,20 +123,23 @@ def write_summary(out: str | os.PathLike[str], page: str | os.PathLike[str]) -> 
         The folder of shards.
     page : path
         The file to write or replace.
+    max_bytes : int
+        Half of the memory that the rows of a shard may take by its headers, 4 GiB by default.
 
     Raises
     ------
     FileNotFoundError
         If the folder does not exist.
     strand.FileFormatError
-        If a shard is damaged.
+        If a shard is damaged, or may take more than 2 x `max_bytes`.
     OSError
         If the page cannot be written.
     ImportError
         If pyarrow is not installed.
     """
     page, folder = check_path("page", page), check_path("out", out)
-    write_bytes(page, _make_page(summarize(folder), f"Ropes in {folder.absolute().name}").encode())
+    found = summarize(folder, max_bytes)
+    write_bytes(page, _make_page(found, f"Ropes in {folder.absolute().name}").encode())
 
 
 def _read_rows(table: Any) -> list[dict[str, Any]]:

@@ -18,6 +18,7 @@ from strand.batch import (
     load_models,
     load_table,
     make_schema,
+    pages,
     reading,
     rows,
     run,
@@ -27,7 +28,7 @@ from strand.batch import (
 from strand.batch.shards import list_shards
 from strand.batch.summary import Summary, summarize
 from strand.ropes.doubt import ModelWarning
-from strand.support.files import FileFormatError
+from strand.support.files import FileFormatError, read_at
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)
 KNOWN = {"radius": 0.0042, "bounds": SCENE.bounds}
@@ -146,6 +147,48 @@ def test_a_changed_byte_of_a_shard_is_noticed(tmp_path):
     pq.write_table(other, shard)
     with pytest.raises(FileFormatError, match="other columns"):
         load_table(tmp_path / "out")
+
+
+def test_shards_that_take_more_than_the_limit_are_refused_by_their_headers(batch, tmp_path):
+    _, out = batch
+    readers = (
+        load_table,
+        lambda out, **size: list(load_models(out, **size)),
+        lambda out, **size: write_summary(out, tmp_path / "page.html", **size),
+    )
+    for read in readers:
+        read(out, max_bytes=20_000_000)
+        with pytest.raises(FileFormatError, match=r"may take \d+ bytes of memory, .* max_bytes=1000000$"):
+            read(out, max_bytes=1_000_000)
+
+
+def test_the_tables_of_all_shards_share_the_limit(batch, tmp_path):
+    (tmp_path / "aa").mkdir()
+    source = batch[1] / next(one for one in list_shards(batch[1]) if "errors" not in one)
+    for k in range(60):
+        (tmp_path / "aa" / f"{k:016}-{k:016}-0-end.parquet").write_bytes(source.read_bytes())
+        if k == 0:
+            load_table(tmp_path, max_bytes=7_000_000)
+    whole = load_table(tmp_path)
+    with pytest.raises(FileFormatError, match="left of 2 x max_bytes"):
+        load_table(tmp_path, max_bytes=7_000_000)
+    # reading a shard takes some 12 MB, and only its table stays
+    assert load_table(tmp_path, max_bytes=7_000_000 + whole.nbytes // 2).equals(whole)
+
+
+def test_pages_that_declare_less_than_they_hold_are_refused(tmp_path):
+    run(save_scenes(tmp_path / "in", 1), tmp_path / "out", SETTINGS, workers=1)
+    (name,) = list_shards(tmp_path / "out")
+    with open(tmp_path / "out" / name, "rb") as file:
+        metadata = pq.read_metadata(tmp_path / "out" / name)
+        column = metadata.row_group(0).column(4)
+        data = read_at(file, column.data_page_offset, column.total_compressed_size)
+        count, size, values = pages._sum_pages(data)
+        assert (count, values) == (1, column.num_values)
+        assert size >= column.total_uncompressed_size - 100
+        for cut in (data[:-1], data[:20], data[:3], b"\x1c" * 50, b"\x19" + data):
+            with pytest.raises(ValueError, match=r"a page|a header|a number"):
+                pages._sum_pages(cut)
 
 
 def test_shards_hold_the_version_of_the_schema_and_others_are_refused(batch, tmp_path):

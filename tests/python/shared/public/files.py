@@ -103,7 +103,7 @@ def _list_readers(folder: Path) -> dict[str, Call]:
 
 def _list_batch(folder: Path) -> dict[str, Call]:
     scene, out = save_scene(folder), folder / "out"
-    settings = batch.Settings(ropes=1)
+    settings, size = batch.Settings(ropes=1), {"max_bytes": 10**8}
     batch.run(scene, out, settings, root=folder, workers=1)
     units = list(batch.find_units([scene], settings, folder))
     values = {one.name: getattr(settings, one.name) for one in dataclasses.fields(settings)}
@@ -156,9 +156,9 @@ def _list_batch(folder: Path) -> dict[str, Call]:
                 "progress": print,
             },
         ),
-        "batch.load_table": Call(batch.load_table, {"out": out, "columns": ["recording"]}),
-        "batch.load_models": Call(batch.load_models, {"out": out}),
-        "batch.write_summary": Call(write_summary, {"out": out, "page": folder / "summary.html"}),
+        "batch.load_table": Call(batch.load_table, {"out": out, "columns": ["recording"], **size}),
+        "batch.load_models": Call(batch.load_models, {"out": out, **size}),
+        "batch.write_summary": Call(write_summary, {"out": out, "page": folder / "summary.html", **size}),
         "batch.write_tracks": Call(
             write_tracks, {"tracks": [make_track()], "path": folder / "tracks.parquet", "recording": "one"}
         ),

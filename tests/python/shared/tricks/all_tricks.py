@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 
-from shared.tricks import Trick, arrays, bag_files, clouds, documents, images, mcap_files, messages
+from shared.tricks import Trick, arrays, bag_files, clouds, documents, images, mcap_files, messages, shards
 
 _LATE = (
     "PIL.BmpImagePlugin",
@@ -27,5 +27,5 @@ def load_modules() -> None:
 
 def list_tricks() -> list[Trick]:
     """Return all tricks."""
-    rooms = (images, arrays, clouds, documents, mcap_files, messages, bag_files)
+    rooms = (images, arrays, clouds, documents, mcap_files, messages, bag_files, shards)
     return [trick for room in rooms for trick in room.list_tricks()]
