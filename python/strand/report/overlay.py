@@ -13,15 +13,17 @@ from numpy.typing import NDArray
 from strand.geometry.polyline import find_runs
 from strand.report.cameras import Camera
 from strand.report.drawing import pick_spread
-from strand.report.drawn_chains import close_path, pick_color
+from strand.report.drawn_chains import close_path
 from strand.ropes.chain import Chain
+from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
 from strand.support.checks import Array
 from strand.support.extras import import_extra
 
 MAX_CHAINS = 50  # chains that are drawn
 _MAX_NODES = 800  # nodes of all chains together
-_MAX_DOUBTS = 20  # doubts that are drawn
+_MAX_DOUBTS = 20  # doubts, and crossings, that are drawn
+_COLORS = 24  # different colours along the longest chain
 _MAX_REASON = 150  # characters of a doubt
 _MARGIN = 0.12  # around the ropes, of their extent
 _MIN_MARGIN = 12  # around the ropes, pixels
@@ -65,18 +67,26 @@ def draw_overlay(camera: Camera, model: Model, max_bytes: int) -> str:
         f'<image x="{left}" y="{top}" width="{width}" height="{height}" '
         f'preserveAspectRatio="none" href="{image}"/>',
     ]
+    longest = max((chain.length for chain in chains), default=1.0)
     every = max(-(-sum(len(pixels) for pixels, _ in drawn) // _MAX_NODES), 1)
     for i, (chain, (pixels, z)) in enumerate(zip(chains, drawn, strict=True)):
-        color = pick_color(i)
         kept = np.unique(np.append(np.arange(0, len(pixels), every), len(pixels) - 1))
-        parts += _draw_strokes(camera, chain, pixels, z, kept, color)
+        parts += _draw_strokes(camera, chain, pixels, z, kept, longest)
         u, v = pixels[0]
         if left <= u <= right and top <= v <= bottom:
-            parts.append(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{0.8 * size:.2f}" fill="{color}"/>')
+            parts.append(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{0.8 * size:.2f}" fill="#fff"/>')
             parts.append(
                 f'<text x="{u + size:.1f}" y="{v - size:.1f}" font-size="{4 * size:.1f}" '
-                f'fill="{color}">{i}</text>'
+                f'fill="#fff">{i}</text>'
             )
+    for crossing in (list_crossings(model.chains, model.up, model.doubts, model.confidence) or ())[
+        :_MAX_DOUBTS
+    ]:
+        u, v = camera.project(crossing.place[None])[0][0]
+        if left <= u <= right and top <= v <= bottom:
+            arm, across = f"{2 * size:.1f}", f"M{u - size:.1f},{v - size:.1f}"
+            ends = f"{across}l{arm},{arm}m0,-{arm}l-{arm},{arm}"
+            parts.append(f'<path class="crossing" d="{ends}"><title>{escape(str(crossing))}</title></path>')
     for doubt in [doubt for doubt in model.doubts if doubt.place is not None][:_MAX_DOUBTS]:
         assert doubt.place is not None
         u, v = camera.project(doubt.place[None])[0][0]
@@ -142,11 +152,13 @@ def _encode_image(shades: NDArray[np.uint8], max_bytes: int) -> str:
 
 
 def _draw_strokes(
-    camera: Camera, chain: Chain, pixels: Array, z: Array, kept: NDArray[np.intp], color: str
+    camera: Camera, chain: Chain, pixels: Array, z: Array, kept: NDArray[np.intp], longest: float
 ) -> list[str]:
-    """Draw one chain: thin where something hides it, dashed where it has no points."""
+    """Draw one chain in the colours of its arc length, thin where hidden, dashed where it has no points."""
     bridged = np.append(chain.bridged, chain.bridged[:1]) if chain.closed else chain.bridged
+    along = np.append(chain.arc_length, chain.length) if chain.closed else chain.arc_length
     pixels, z, bridged = pixels[kept].clip(-_MAX_PIXEL, _MAX_PIXEL), z[kept], bridged[kept]
+    level = np.minimum(along[kept] / longest * _COLORS, _COLORS - 1).astype(int)
     visible = np.asarray(np.isfinite(pixels).all(axis=1))
     hidden = _find_hidden(camera, pixels, z, chain.radius)
     states: dict[str, NDArray[np.bool_]] = {
@@ -154,15 +166,15 @@ def _draw_strokes(
         "hidden": visible & hidden & ~bridged,
         "bridged": visible & bridged,
     }
+    scale = import_extra("plotly.colors").sample_colorscale("Viridis", _COLORS)
     strokes = []
     for kind, chosen in states.items():
-        pieces = []
-        for start, stop in find_runs(chosen):
-            # extend each piece to the next node, so that pieces join
-            to = stop + 1 if stop < len(pixels) and visible[stop] else stop
-            pieces.append("M" + "L".join(f"{u:.1f},{v:.1f}" for u, v in pixels[start:to]))
-        if pieces:
-            strokes.append(f'<path class="{kind}" d="{"".join(pieces)}" stroke="{color}"/>')
+        for color in np.unique(level[chosen]):
+            for start, stop in find_runs(chosen & (level == color)):
+                # extend each piece to the next node, so that pieces join
+                to = stop + 1 if stop < len(pixels) and visible[stop] else stop
+                line = "L".join(f"{u:.1f},{v:.1f}" for u, v in pixels[start:to])
+                strokes.append(f'<path class="{kind}" d="M{line}" stroke="{scale[color]}"/>')
     return strokes
 
 

@@ -155,8 +155,9 @@ def _draw_overlays(model: Model, cameras: Sequence[Camera | None]) -> str:
     return (
         f'<div class="views">{"".join(figures)}</div><p class="note">Brighter pixels are nearer than the '
         "plane that fits most of the image; black pixels have no return. A chain is thin where something "
-        "hides it from the camera, and dashed where no view saw it. Numbers mark the starts of chains; red "
-        f"rings mark doubts.{some}</p>"
+        "hides it from the camera, and dashed where no view saw it. Colours show "
+        "the arc length, as in the view in space. Numbers mark the starts of chains; orange crosses mark "
+        f"crossings, red rings doubts.{some}</p>"
     )
 
 

@@ -28,13 +28,16 @@ from strand.support.checks import Array
 MAX_POINTS = 40_000  # points that are drawn
 MAX_NODES = 8_000  # nodes of all chains that are drawn
 MAX_TRUE_NODES = 2_000  # nodes of all true centrelines that are drawn
+_NEAR = 3.0  # radii: points nearer to a rope's axis are drawn densely
+_FAR_SHARE = 0.25  # of the points that are drawn may lie farther away
+_TRIED = 10  # times as many points are looked at as are drawn
 MAX_PLACES = 150  # ends, crossings, doubts, joins and cameras, each
 MAX_GROUPS = 30  # entries in the legend for views, and for chains
 _MAX_OFFSET = 10.0  # metres from the origin: farther away, 32-bit numbers lose parts of a millimetre
 _PYRAMID_DEPTH = 0.18  # depth of a camera's pyramid, of its distance from the ropes
 _FIELD_HEIGHT = 2 * np.tan(np.radians(22.5))  # height of the field of plotly's camera, of its distance
 _STEEP_Z = 0.95  # directions with a larger z count as vertical
-UNSEEN = "#d62728"  # red: stretches without points
+UNSEEN = "#9467bd"  # violet: stretches without points
 DOUBT = "#d62728"  # red: doubts
 CROSSING = "#ff7f0e"  # orange: crossings
 NEXT_VIEW = "#2ca02c"  # green: the next view
@@ -86,13 +89,13 @@ def make_space_figure(
     subject = subject if len(subject) else np.zeros((1, 3))
     viewpoints = np.array([camera.viewpoint for camera in cameras if camera is not None]).reshape(-1, 3)
     distance = np.linalg.norm(viewpoints - subject.mean(axis=0), axis=1)
-    towards = find_seen_side(subject, viewpoints)
+    towards, up = _find_direction(subject, cameras)
     next_view = _find_next_view(model)
     box = np.vstack([subject, viewpoints, next_view, *clouds])
     far = np.abs(box).max() >= _MAX_OFFSET
     pen = Pen(np.round(subject.mean(axis=0)) if far else np.zeros(3))
     lines = _thin_chains(model.chains)
-    points = _draw_views(pen, clouds)
+    points = _draw_views(pen, clouds, model)
     chains = _draw_chains(pen, lines)
     stood = _draw_cameras(pen, cameras, _PYRAMID_DEPTH * float(np.median(distance)) if len(distance) else 0.0)
     stood += _draw_next_view(pen, next_view, subject.mean(axis=0))
@@ -106,7 +109,7 @@ def make_space_figure(
     )
     standing = list(range(len(data) - len(stood), len(data)))
     scene = make_scene(pen, box)
-    near, wide = place_cameras(scene, 1e3 * (subject - pen.origin), towards)
+    near, wide = place_cameras(scene, 1e3 * (subject - pen.origin), towards, up)
     layout: dict[str, Any] = {
         "scene": scene | {"camera": near},
         "coloraxis": _make_color_axis("arc length / mm", [line.along for line in lines], "Viridis"),
@@ -137,27 +140,53 @@ def make_space_figure(
     return {"data": data, "layout": layout}
 
 
+def _find_direction(subject: Array, cameras: Sequence[Camera | None]) -> tuple[Array, Array | None]:
+    """Return (3,) directions towards the middle one of the cameras, and up in its image; None without any."""
+    there = [camera for camera in cameras if camera is not None]
+    viewpoints = np.array([camera.viewpoint for camera in there]).reshape(-1, 3)
+    side = find_seen_side(subject, viewpoints)
+    rays = viewpoints - subject.mean(axis=0)
+    lengths = np.linalg.norm(rays, axis=1, keepdims=True)
+    if not len(there) or not lengths.min() > 0.0:
+        return side, None
+    rays = rays / lengths
+    middle = int((rays @ side).argmax())
+    return rays[middle], -there[middle].pose[:3, 1]
+
+
 def _split_groups(count: int) -> list[list[int]]:
     """Split `count` things into groups of neighbours, one for each entry of the legend."""
     parts = np.array_split(np.arange(count), max(min(count, MAX_GROUPS), 1))
     return [part.tolist() for part in parts if len(part)]
 
 
-def _draw_views(pen: Pen, clouds: Sequence[Array]) -> list[dict[str, Any]]:
-    """Draw the points; neighbouring views have similar colours."""
+def _draw_views(pen: Pen, clouds: Sequence[Array], model: Model) -> list[dict[str, Any]]:
+    """Draw the points, most of them near ropes; neighbouring views have similar colours."""
     total = sum(map(len, clouds))
     share = min(MAX_POINTS / max(total, 1), 1.0)
     groups = _split_groups(len(clouds))
     traces = []
     for k, group in enumerate(groups):
         points = np.vstack([clouds[i] for i in group])
-        kept = points[pick_spread(len(points), int(share * len(points)))]
+        kept = _choose_points(points, model, int(share * len(points)))
         name = f"view {group[0]}" if len(group) == 1 else f"views {group[0]} to {group[-1]}"
         some = f"{len(points):,}" if len(kept) == len(points) else f"{len(kept):,} of {len(points):,}"
         marker = {"color": _pick_hue(k / max(len(groups) - 1, 1)), "size": 1.6, "opacity": 0.4}
         trace = pen.make_trace(kept, "markers", f"{name}: {some} points")
         traces.append(trace | {"marker": marker, "hoverinfo": "skip"})
     return traces
+
+
+def _choose_points(points: Array, model: Model, most: int) -> Array:
+    """Return at most so many of points (N, 3); where that is not all, few of those far from ropes."""
+    if len(points) <= most or not model.chains:
+        return np.asarray(points[pick_spread(len(points), most)])
+    points = points[pick_spread(len(points), _TRIED * most)]
+    reach = _NEAR * max(chain.radius for chain in model.chains)
+    near = model.nearest(points).distance < reach
+    close, others = points[near], points[~near]
+    thin = others[pick_spread(len(others), int(_FAR_SHARE * most))]
+    return np.concatenate([close[pick_spread(len(close), most - len(thin))], thin])
 
 
 def _pick_hue(part: float) -> str:
@@ -230,9 +259,9 @@ def _draw_unseen(pen: Pen, lines: Sequence[_Line]) -> list[dict[str, Any]]:
     ]
     if not stretches:
         return []
-    trace = pen.draw_lines(stretches, "stretch that no view saw", UNSEEN, 7)
+    trace = pen.draw_lines(stretches, "stretch that no view saw", UNSEEN, 5)
     trace["line"]["dash"] = "dot"
-    return [trace]
+    return [trace | {"mode": "lines+markers", "marker": {"symbol": "square", "size": 3, "color": UNSEEN}}]
 
 
 def _draw_places(pen: Pen, model: Model) -> list[dict[str, Any]]:
@@ -257,9 +286,9 @@ def _draw_places(pen: Pen, model: Model) -> list[dict[str, Any]]:
     traces = []
     for name, found, marker, visible in (
         ("end", ends, {"color": "white", "symbol": "circle", "size": 7}, True),
-        ("crossing", crossed, {"color": CROSSING, "symbol": "circle-open", "size": 14}, True),
-        ("doubt", doubts, {"color": DOUBT, "symbol": "diamond-open", "size": 18}, True),
-        ("join", joins, {"color": PALETTE[4], "symbol": "square-open", "size": 8}, "legendonly"),
+        ("doubt", doubts, {"color": DOUBT, "symbol": "circle-open", "size": 22}, True),
+        ("crossing", crossed, {"color": CROSSING, "symbol": "square-open", "size": 12}, True),
+        ("join", joins, {"color": PALETTE[4], "symbol": "diamond-open", "size": 8}, "legendonly"),
     ):
         if found:
             places, texts = zip(*found[:MAX_PLACES], strict=True)
@@ -336,17 +365,19 @@ def make_scene(pen: Pen, box: Array) -> dict[str, Any]:
 
 
 def place_cameras(
-    scene: dict[str, Any], subject: Array, towards: Array
+    scene: dict[str, Any], subject: Array, towards: Array, up: Array | None = None
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the places of plotly's camera that show the ropes, and everything.
 
+    By default, z is up, or y for a view along z.
     Its unit is the longest axis, its origin the middle of the box.
     """
     low, high = np.array([scene[f"{name}axis"]["range"] for name in "xyz"]).T
     unit = float((high - low).max())
     middle = (subject.min(axis=0) + subject.max(axis=0)) / 2
     extent = max(float(np.linalg.norm(np.ptp(subject, axis=0))) / unit, 0.02)
-    up = np.array([0.0, 0.0, 1.0]) if abs(towards[2]) < _STEEP_Z else np.array([0.0, 1.0, 0.0])
+    if up is None:
+        up = np.array([0.0, 0.0, 1.0]) if abs(towards[2]) < _STEEP_Z else np.array([0.0, 1.0, 0.0])
     near = _make_camera((middle - (low + high) / 2) / unit, towards, 1.15 * extent / _FIELD_HEIGHT, up)
     aside = towards + 0.7 * np.cross(up, towards)
     across = float(np.linalg.norm((high - low) / unit))
@@ -367,7 +398,8 @@ def _name_axes(vector: Array) -> dict[str, float]:
 
 def _make_color_axis(title: str, values: Sequence[Array], colors: str) -> dict[str, Any]:
     highest = max((float(v) for part in values for v in part if np.isfinite(v)), default=1.0)
-    bar = {"title": {"text": title}, "orientation": "h", "thickness": 12, "len": 0.4, "x": 0.25, "y": 0.0}
+    bar = {"orientation": "h", "thickness": 12, "len": 0.4, "x": 0.25, "y": 0.0, "nticks": 5}
+    bar["title"] = {"text": title, "side": "top"}
     return {"colorscale": colors, "cmin": 0.0, "cmax": max(highest, 1e-6), "colorbar": bar}
 
 

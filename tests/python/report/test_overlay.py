@@ -37,7 +37,15 @@ def draw(view, chain, max_bytes=100_000, **more):
 def find_paths(svg, kind):
     found = re.findall(rf'<path class="{kind}" d="([^"]+)"', svg)
     pieces = [piece for path in found for piece in path[1:].split("M")]
-    return [np.array([pair.split(",") for pair in piece.split("L")], dtype=float) for piece in pieces]
+    parts = [np.array([pair.split(",") for pair in piece.split("L")], dtype=float) for piece in pieces]
+    # colours change along a line
+    lines = []
+    for part in parts:
+        if lines and (lines[-1][-1] == part[0]).all():
+            lines[-1] = np.vstack([lines[-1], part[1:]])
+        else:
+            lines.append(part)
+    return lines
 
 
 def test_lines_lie_where_the_camera_sees_the_rope():
