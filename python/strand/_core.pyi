@@ -18,10 +18,10 @@ __all__ = [
     "find_crossed_segments", "find_extents", "find_fullest_plane", "find_linking_number", "find_nearest",
     "find_order_probability", "find_overlaps", "find_short_outlines", "find_squared_distances",
     "find_standing", "fit_spline", "fit_tubes", "icp", "identify_knot", "measure_behind", "measure_bending",
-    "measure_depth_bends", "measure_edge_distances", "measure_heights", "measure_variances", "num_threads",
-    "number_blobs", "occludes", "path_length", "price_join", "radius_outlier_mask", "register_in_turn",
-    "set_num_threads", "straighten", "tabulate_arc_length", "trace_chains", "trace_tubes", "track_frame",
-    "unproject",
+    "measure_depth_bends", "measure_edge_distances", "measure_heights", "measure_strands",
+    "measure_variances", "num_threads", "number_blobs", "occludes", "path_length", "price_join",
+    "radius_outlier_mask", "register_in_turn", "set_num_threads", "straighten", "tabulate_arc_length",
+    "trace_chains", "trace_tubes", "track_frame", "unproject",
 ]
 # fmt: on
 
