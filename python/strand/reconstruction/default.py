@@ -336,7 +336,7 @@ def _choose_by_images(
     """Return the answer of readings of masked images or of tubes, whichever is likelier."""
     own = run.fork()
     images = _Attempt(make_answer(reading, observed, config, own), own)
-    noisy = reading.explanations[0].fit.noise > _SMALL_NOISE
+    noisy = reading.explanations[0].fit.noise > _SMALL_NOISE and _is_noisy(observed)
     if (
         reading.neighbor_correlation > MIN_CORRELATION
         or (noisy and images.sure)
@@ -349,6 +349,13 @@ def _choose_by_images(
     if run.skips("the comparison with tubes in the points"):
         return images.take(run)
     return _take_better(reading, tubes, observed, config, run)
+
+
+def _is_noisy(observed: Observed) -> bool:
+    """Tell whether single depths scatter so much that tubes are not tried; a wrong fit seems noisy too."""
+    radius = observed.radius
+    scatter = measure_depth_scatter(observed.whole, observed.views, SMALL_SCATTER * radius)
+    return scatter > _SMALL_NOISE * radius
 
 
 def _try_tubes(observed: Observed, config: Config, run: Run) -> _Attempt | None:
