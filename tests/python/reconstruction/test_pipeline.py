@@ -227,7 +227,7 @@ def test_several_ropes_come_longest_first(numbers):
         ({"length": []}, ValueError, "length: expected one"),
         ({"length": [[0.4]]}, ValueError, "length: expected one"),
         ({"length": [0.4, 0.3], "ropes": 3}, ValueError, "length: expected one for each of 3 ropes, got 2"),
-        ({"config": {"near": 1}}, TypeError, "config: expected a Config"),
+        ({"config": {"near": 1}}, TypeError, "config: expected type Config"),
         ({"bounds": ([0.0] * 3, [0.0] * 3)}, ValueError, "bounds: expected low < high"),
         (
             {"bounds": ([8.0] * 3, [9.0] * 3)},

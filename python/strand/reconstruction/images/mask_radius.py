@@ -19,7 +19,7 @@ _SD = 0.15  # of the radius: masks are a pixel too wide or too narrow, and depth
 _MIN_SHARE = 0.5  # of the radius by another measure: the least radius that counts
 _MAX_SHARE = 1.5  # of the same: the largest
 _MAX_BY_AREA = 2.0  # of the radius by a mask's widths, which raggedness makes smaller: the largest
-_ROUNDS = 3  # measurements of the mask by the radius that the one before shows
+_ROUNDS = 2  # measurements of the mask by the radius that the one before shows
 _SAME = 0.05  # relative change of the radius: with less it has settled
 
 
