@@ -119,8 +119,27 @@ def find_crossings(
     chains: Sequence[Line], direction: ArrayLike, doubts: Sequence[Doubt], confidence: float = math.nan
 ) -> tuple[Crossing, ...]:
     """Find where chains cross in projection along a direction, see `Model.crossings`."""
+    return _find(chains, direction, doubts, confidence, None) or ()
+
+
+def list_crossings(
+    chains: Sequence[Line], direction: ArrayLike, doubts: Sequence[Doubt], confidence: float = math.nan
+) -> tuple[Crossing, ...] | None:
+    """Return crossings for files, tables and pages; None if there are too many to list, see `NOT_LISTED`."""
+    if sum(len(chain.points) for chain in chains) > _MAX_NODES:
+        return None
+    return _find(chains, direction, doubts, confidence, _MAX_LISTED)
+
+
+def _find(
+    chains: Sequence[Line], direction: ArrayLike, doubts: Sequence[Doubt], confidence: float, most: int | None
+) -> tuple[Crossing, ...] | None:
+    """Return crossings; None if more than `most` pairs of segments cross."""
     towards = check_direction("direction", direction)
-    first, second, turns = _intersect(chains, towards)
+    places = _intersect(chains, towards, most)
+    if places is None:
+        return None
+    first, second, turns = places
     if not len(turns):
         return ()
     number, at = np.stack([first[0], second[0]]), np.stack([first[1], second[1]])
@@ -157,17 +176,6 @@ def find_crossings(
             )
         )
     return tuple(found)
-
-
-def list_crossings(
-    chains: Sequence[Line], direction: ArrayLike, doubts: Sequence[Doubt], confidence: float = math.nan
-) -> tuple[Crossing, ...] | None:
-    """Return crossings for files, tables and pages; None if there are too many to list, see `NOT_LISTED`."""
-    if sum(len(chain.points) for chain in chains) > _MAX_NODES:
-        return None
-    plan, _, segments, _, _ = _draw_plan(chains, check_direction("direction", direction))
-    pairs, _, _ = find_crossed_segments(plan, segments, _MAX_LISTED + 1)
-    return None if len(pairs) > _MAX_LISTED else find_crossings(chains, direction, doubts, confidence)
 
 
 def find_free_stretch(
@@ -213,22 +221,22 @@ def _collect_segments(chains: Sequence[Line]) -> tuple[Array, NDArray[np.intp], 
     )
 
 
-def _draw_plan(
-    chains: Sequence[Line], towards: Array
-) -> tuple[Array, Array, NDArray[np.intp], NDArray[np.intp], Array]:
-    """Return the nodes (N, 2) in projection, its axes (3, 2), and segments as `_collect_segments` does."""
+def _intersect(
+    chains: Sequence[Line], towards: Array, most: int | None
+) -> tuple[Places, Places, NDArray[np.int8]] | None:
+    """Return both places where chains cross in projection, and to which side the second leaves the first.
+
+    None if more than `most` pairs of segments cross.
+    """
     aside = np.cross(towards, np.eye(3)[np.abs(towards).argmin()])
     aside /= np.linalg.norm(aside)
     basis = np.column_stack([aside, np.cross(towards, aside)])
     nodes, segments, number, arcs = _collect_segments(chains)
     origin = nodes.mean(axis=0) if len(nodes) else np.zeros(3)
-    return (nodes - origin) @ basis, basis, segments, number, arcs
-
-
-def _intersect(chains: Sequence[Line], towards: Array) -> tuple[Places, Places, NDArray[np.int8]]:
-    """Return both places where chains cross in projection, and to which side the second leaves the first."""
-    plan, basis, segments, number, arcs = _draw_plan(chains, towards)
-    pairs, shares, turns = find_crossed_segments(plan, segments)
+    limit = None if most is None else most + 1
+    pairs, shares, turns = find_crossed_segments((nodes - origin) @ basis, segments, limit)
+    if most is not None and len(pairs) > most:
+        return None
     which = number[pairs]
     at = arcs[pairs, 0] + shares * (arcs[pairs, 1] - arcs[pairs, 0])
     radius, length, closed = (
