@@ -6,25 +6,27 @@ from struct import Struct
 from typing import BinaryIO
 from zlib import crc32
 
-_MAGIC = b"\x89MCAP0\r\n"  # how a file begins and ends
-# kinds of records
-_HEADER = 1
-_FOOTER = 2
-_SCHEMA = 3
-_CHANNEL = 4
-_MESSAGE = 5
-_CHUNK = 6
-_MESSAGE_INDEX = 7
-_CHUNK_INDEX = 8
-_STATISTICS = 11
-_DATA_END = 15
+from strand.support.mcap_format import (
+    CHANNEL,
+    CHUNK,
+    CHUNK_HEAD,
+    CHUNK_INDEX,
+    DATA_END,
+    FOOTER,
+    HEADER,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_INDEX,
+    RECORD,
+    SCHEMA,
+    STATISTICS,
+)
+
 _NUMBER = 1  # of the only schema, and of the only channel
 _CHUNK_BYTES = 1 << 20  # of messages, from which on a chunk is written
-_RECORD = Struct("<BQ")  # kind and size
 _LENGTH = Struct("<I")  # of a text, a list or a map
 _CHANNEL_HEAD = Struct("<HH")  # number, and that of the schema
 _MESSAGE_HEAD = Struct("<HIQQ")  # channel, number, times of recording and of publication
-_CHUNK_HEAD = Struct("<QQQI")  # times of the first and the last message, bytes, checksum
 _CHUNK_PLACE = Struct("<QQQQ")  # the same times, place, bytes of its record
 _ENTRY = Struct("<QQ")  # two long numbers
 _COUNT = Struct("<HQ")  # a channel and a long number
@@ -51,9 +53,9 @@ class McapFile:
         self._file, self._place = file, 0
         number = _NUMBER.to_bytes(2, "little")
         self._names = _pack(
-            _SCHEMA, number, _frame(kind.encode()), _frame(b"jsonschema"), _frame(schema)
+            SCHEMA, number, _frame(kind.encode()), _frame(b"jsonschema"), _frame(schema)
         ) + _pack(
-            _CHANNEL,
+            CHANNEL,
             _CHANNEL_HEAD.pack(_NUMBER, _NUMBER),
             _frame(topic.encode()),
             _frame(b"json"),
@@ -62,13 +64,13 @@ class McapFile:
         self._messages, self._entries = bytearray(), list[tuple[int, int]]()
         self._index, self._times = list[bytes](), list[int]()
         self._count = 0
-        self._write(_MAGIC, _pack(_HEADER, _frame(b""), _frame(library.encode())), self._names)
+        self._write(MAGIC, _pack(HEADER, _frame(b""), _frame(library.encode())), self._names)
 
     def add(self, time: int, data: bytes) -> None:
         """Add a message; `time` is in nanoseconds."""
         self._entries.append((time, len(self._messages)))
         head = _MESSAGE_HEAD.pack(_NUMBER, self._count & 0xFFFFFFFF, time, time)
-        self._messages += _pack(_MESSAGE, head, data)
+        self._messages += _pack(MESSAGE, head, data)
         self._count += 1
         if len(self._messages) >= _CHUNK_BYTES:
             self._end_chunk()
@@ -77,25 +79,25 @@ class McapFile:
         """Write the rest: the last chunk and the index."""
         if self._entries:
             self._end_chunk()
-        self._write(_pack(_DATA_END, bytes(4)))
+        self._write(_pack(DATA_END, bytes(4)))
         start = self._place
         span = (min(self._times), max(self._times)) if self._times else (0, 0)
         statistics = _STATISTICS_HEAD.pack(self._count, 1, 1, 0, 0, len(self._index), *span)
         counts = _frame(_COUNT.pack(_NUMBER, self._count))
-        summary = self._names + b"".join(self._index) + _pack(_STATISTICS, statistics, counts)
+        summary = self._names + b"".join(self._index) + _pack(STATISTICS, statistics, counts)
         # no offsets of groups, no checksum
-        self._write(summary, _pack(_FOOTER, _ENTRY.pack(start, 0), bytes(4)), _MAGIC)
+        self._write(summary, _pack(FOOTER, _ENTRY.pack(start, 0), bytes(4)), MAGIC)
 
     def _end_chunk(self) -> None:
         times = [time for time, _ in self._entries]
         span, data = (min(times), max(times)), bytes(self._messages)
-        head = _CHUNK_HEAD.pack(*span, len(data), crc32(data))
-        chunk = _pack(_CHUNK, head, _frame(b""), len(data).to_bytes(8, "little"), data)
+        head = CHUNK_HEAD.pack(*span, len(data), crc32(data))
+        chunk = _pack(CHUNK, head, _frame(b""), len(data).to_bytes(8, "little"), data)
         listed = b"".join(_ENTRY.pack(*entry) for entry in self._entries)
-        index = _pack(_MESSAGE_INDEX, _NUMBER.to_bytes(2, "little"), _frame(listed))
+        index = _pack(MESSAGE_INDEX, _NUMBER.to_bytes(2, "little"), _frame(listed))
         self._index.append(
             _pack(
-                _CHUNK_INDEX,
+                CHUNK_INDEX,
                 _CHUNK_PLACE.pack(*span, self._place, len(chunk)),
                 _frame(_COUNT.pack(_NUMBER, self._place + len(chunk))),
                 len(index).to_bytes(8, "little"),
@@ -116,7 +118,7 @@ class McapFile:
 
 def _pack(kind: int, *parts: bytes) -> bytes:
     """Return a record."""
-    return b"".join((_RECORD.pack(kind, sum(map(len, parts))), *parts))
+    return b"".join((RECORD.pack(kind, sum(map(len, parts))), *parts))
 
 
 def _frame(data: bytes) -> bytes:

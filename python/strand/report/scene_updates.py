@@ -70,7 +70,7 @@ def write_mcap(
         If an argument is of the wrong kind.
     ValueError
         If the name does not end with `.mcap`, `lifetime` is negative, or a stamp is before 1970. A single
-        model needs no stamp: its time is 0. Of several, each needs one.
+        model needs no stamp: its time is 0. Each of several needs one.
     OSError
         If the file cannot be written.
     """

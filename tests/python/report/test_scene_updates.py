@@ -7,15 +7,13 @@ import json
 import jsonschema
 import numpy as np
 import pytest
+from mcap.reader import NonSeekingReader, SeekingReader, make_reader
 
 import strand
 from shared.tracks import make_tracks
 from strand.figures import write_mcap
 from strand.io.budget import Budget
 from strand.io.recordings.mcap_records import (
-    CHUNK,
-    MESSAGE,
-    RECORD,
     STAMPED,
     read_chunk,
     read_chunk_head,
@@ -25,6 +23,7 @@ from strand.io.recordings.mcap_records import (
 from strand.io.recordings.unpacking import Limits
 from strand.report.mcap_file import McapFile
 from strand.report.scene_updates import _make_schema
+from strand.support.mcap_format import CHUNK, MESSAGE, RECORD
 
 R = 0.004
 UNDER = strand.Chain(np.linspace([-0.1, 0.0, R], [0.1, 0.0, R], 51), R)
@@ -113,7 +112,6 @@ def test_messages_have_all_fields_of_the_schema(tmp_path):
 
 
 def test_the_package_mcap_reads_the_file_and_its_index(tmp_path):
-    reader = pytest.importorskip("mcap.reader")
     path = tmp_path / "a.mcap"
     with open(path, "wb") as file:
         written = McapFile(file, "/ropes", "kind", b"{}", "strand")
@@ -122,12 +120,12 @@ def test_the_package_mcap_reads_the_file_and_its_index(tmp_path):
             written.add(time, data)
         written.end()
     with open(path, "rb") as file:
-        opened = reader.SeekingReader(file, validate_crcs=True)
+        opened = SeekingReader(file, validate_crcs=True)
         found = [(message.log_time, message.data) for _, _, message in opened.iter_messages()]
         summary = opened.get_summary()
         middle = [message.log_time for *_, message in opened.iter_messages(start_time=1199, end_time=1202)]
     with open(path, "rb") as file:
-        streamed = [message.log_time for *_, message in reader.NonSeekingReader(file).iter_messages()]
+        streamed = [message.log_time for *_, message in NonSeekingReader(file).iter_messages()]
     assert found == sent
     assert middle == [1199, 1200, 1201]
     assert streamed == [time for time, _ in sent]
@@ -136,7 +134,7 @@ def test_the_package_mcap_reads_the_file_and_its_index(tmp_path):
     write_mcap(MODELS, path, topic="/lines")
     with open(path, "rb") as file:
         for (schema, channel, message), time in zip(
-            reader.make_reader(file, validate_crcs=True).iter_messages(), NANOSECONDS, strict=True
+            make_reader(file, validate_crcs=True).iter_messages(), NANOSECONDS, strict=True
         ):
             assert (schema.name, schema.encoding) == ("foxglove.SceneUpdate", "jsonschema")
             assert (channel.topic, channel.message_encoding) == ("/lines", "json")

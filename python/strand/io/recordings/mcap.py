@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from strand.io.recordings.mcap_layout import read_layout
-from strand.io.recordings.mcap_records import BODY, MESSAGE, RECORD, STAMPED, Chunk, read_chunk, walk_records
+from strand.io.recordings.mcap_records import BODY, STAMPED, Chunk, read_chunk, walk_records
 from strand.io.recordings.message import Message
 from strand.io.recordings.unpacking import Limits, Work
 from strand.support.files import open_file
+from strand.support.mcap_format import MESSAGE, RECORD
 
 
 class McapFile:

@@ -15,19 +15,9 @@ import numpy as np
 from strand.io.budget import Budget
 from strand.io.recordings.mcap_records import (
     BODY,
-    CHANNEL,
-    CHUNK,
-    CHUNK_INDEX,
-    DATA_END,
-    FOOTER,
-    HEADER,
     MAX_NAME,
-    MESSAGE,
     PLAIN,
-    RECORD,
-    SCHEMA,
     STAMPED,
-    STATISTICS,
     Channel,
     Chunk,
     read_chunk,
@@ -38,8 +28,20 @@ from strand.io.recordings.mcap_records import (
 )
 from strand.io.recordings.unpacking import Limits, Work
 from strand.support.files import read_at
+from strand.support.mcap_format import (
+    CHANNEL,
+    CHUNK,
+    CHUNK_INDEX,
+    DATA_END,
+    FOOTER,
+    HEADER,
+    MAGIC,
+    MESSAGE,
+    RECORD,
+    SCHEMA,
+    STATISTICS,
+)
 
-_MAGIC = b"\x89MCAP0\r\n"  # how a file begins and ends
 _FOOTER_BYTES = 29  # of the footer's record
 _PREFIX = 4 * MAX_NAME  # bytes of the record of a schema or channel that are read
 _MAX_RECORD = 1 << 20  # bytes of a record of the index, which may list all channels
@@ -134,15 +136,15 @@ def read_layout(file: BinaryIO, path: Path, limits: Limits) -> Layout:
 
 def _read_ends(file: BinaryIO, size: int) -> tuple[int, int, int]:
     """Return where the first record and the footer are, and where the index is, or 0."""
-    last = size - _FOOTER_BYTES - len(_MAGIC)
-    if last < len(_MAGIC) or read_at(file, 0, len(_MAGIC)) != _MAGIC:
+    last = size - _FOOTER_BYTES - len(MAGIC)
+    if last < len(MAGIC) or read_at(file, 0, len(MAGIC)) != MAGIC:
         raise ValueError("no beginning of an MCAP file")
-    kind, start, stop = read_record(file, len(_MAGIC), last)
+    kind, start, stop = read_record(file, len(MAGIC), last)
     profile, _ = read_text(read_at(file, start, min(stop - start, _PREFIX)), 0)
     if kind != HEADER or profile != "ros2":
         raise ValueError(f"expected an MCAP file of ROS 2, got the profile {profile[:40]!r}")
     footer = read_at(file, last, size - last)
-    if footer[-len(_MAGIC) :] != _MAGIC or RECORD.unpack_from(footer) != (
+    if footer[-len(MAGIC) :] != MAGIC or RECORD.unpack_from(footer) != (
         FOOTER,
         _FOOTER_BYTES - RECORD.size,
     ):

@@ -10,23 +10,12 @@ from zlib import crc32
 
 from strand.io.recordings.unpacking import Limits, Work, unpack
 from strand.support.files import read_at
+from strand.support.mcap_format import CHUNK, CHUNK_HEAD, RECORD
 
-# kinds of records
-HEADER = 1
-FOOTER = 2
-SCHEMA = 3
-CHANNEL = 4
-MESSAGE = 5
-CHUNK = 6
-CHUNK_INDEX = 8
-STATISTICS = 11
-DATA_END = 15
-RECORD = Struct("<BQ")  # kind and size
 STAMPED = Struct("<BQHIQ")  # a message: kind, size, channel, number, time of recording
 BODY = 22  # bytes of a message's record before its data
 MAX_NAME = 1024  # bytes of the name of a topic, type or encoding
 PLAIN = "messages"  # kind of a chunk that is no record of its own, but some messages in a row
-_HEAD = Struct("<QQQI")  # a chunk: times of its first and last message, size, checksum
 _MAX_HEAD = 256  # bytes of a chunk's record before its data
 _COUNTED = 4096  # records that are counted at once
 _SIZE = Struct("<Q")
@@ -134,8 +123,8 @@ def read_chunk_head(file: BinaryIO, place: int, limit: int) -> tuple[Chunk, int,
     kind, start, stop = read_record(file, place, limit)
     head = read_at(file, start, min(stop - start, _MAX_HEAD))
     try:
-        begin, end, size, checksum = _HEAD.unpack_from(head)
-        compression, at = read_text(head, _HEAD.size)
+        begin, end, size, checksum = CHUNK_HEAD.unpack_from(head)
+        compression, at = read_text(head, CHUNK_HEAD.size)
         (packed,) = _SIZE.unpack_from(head, at)
     except struct_error:
         raise ValueError("a chunk ends too early") from None
