@@ -6,8 +6,8 @@ The targets are in `rust/src/fuzzing/`, the program in `fuzz/`. The stable compi
 for each edge between blocks of code. Each target runs with short inputs, then with long ones. It starts with
 the inputs in `tests/data/fuzzing/`, those of `--corpus`, and some at random. Inputs that reach something new
 go to `--corpus`. An answer that is not finite or not within limits ends a target, as do two minutes and 2 GB
-for one input. That input is kept beside the corpus as `NAME-crash-...`, and `--again FILE --only NAME` runs
-it once more. The exit code is 1 if there are crashes. Findings belong in `tests/data/fuzzing/`, whose inputs
+for one input. The input stays beside the corpus as `NAME-crash-...`, and `--again FILE --only NAME` runs it
+once more. The exit code is 1 if there are crashes. Findings belong in `tests/data/fuzzing/`, whose inputs
 `cargo test` runs.
 """
 
