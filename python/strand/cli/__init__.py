@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 
 from strand.cli.exit_codes import flush_output, report_error
@@ -29,7 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     open_closed_streams()
     try:
-        options = make_parser().parse_args(arguments)
+        words = sys.argv[1:] if arguments is None else list(arguments)
+        options = make_parser(words).parse_args(words)
         code = options.run(options) or 0
     except SystemExit as error:  # argparse has printed the help, but maybe not flushed it
         code = flush_output(error.code if isinstance(error.code, int) else 2)

@@ -22,7 +22,6 @@ from strand.cli.options import add_camera, add_deadline, add_recording, add_rope
 from strand.cli.terminal import print_message
 from strand.support.files import require_writable
 
-HINT = "write a table of the ropes of many recordings"
 DESCRIPTION = """\
 Reconstruct the ropes of many recordings, and write a folder of Parquet files
 with one row per rope. Finished work is skipped. A recording that is broken

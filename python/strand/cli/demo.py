@@ -18,7 +18,6 @@ from strand.report import figures, tables
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
 
-HINT = "reconstruct a simulated rope with both methods"
 DESCRIPTION = """\
 Simulate the published experiment (one string, seven views), reconstruct it
 with the default and the published method, and compare both with the truth.

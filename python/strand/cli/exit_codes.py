@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 import sys
 
-import strand
-from strand.batch import EngineError
+from strand._core import StrandError
 from strand.cli.terminal import print_message
 
 EXIT_CODES = """\
@@ -24,6 +23,10 @@ exit codes:
 
 def report_error(error: BaseException) -> int:
     """Print an error as one line, and return the exit code; raise an error that nobody expects again."""
+    from strand.batch import (
+        EngineError,
+    )  # imports most of strand, which a command without an error may not need
+
     match error:
         case BrokenPipeError():
             return 141
@@ -33,7 +36,7 @@ def report_error(error: BaseException) -> int:
             return _print_error("out of memory", 1)
         case EngineError():
             return _print_error(error, 3)
-        case strand.StrandError():
+        case StrandError():
             return _print_error(error, 1)
         case ValueError() | TypeError():
             return _print_error(error, 2)

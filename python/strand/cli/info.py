@@ -19,7 +19,6 @@ from strand.io.file_contents import Contents, read_contents
 from strand.ropes.model import Model
 from strand.support.files import convert_to_json
 
-HINT = "show what files hold, and how to reconstruct them"
 DESCRIPTION = """\
 Show what scenes, recordings, point clouds, depth images and models hold, what
 is missing, and what `strand reconstruct` would do with them. A file that

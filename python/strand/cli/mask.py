@@ -20,7 +20,6 @@ from strand.support.checks import check_positive
 from strand.support.extras import import_extra
 from strand.support.files import require_writable, write_bytes
 
-HINT = "find the pixels of ropes in a colour image"
 DESCRIPTION = """\
 Find the ropes in a colour image, and write a PNG mask that `--mask` reads:
 0 is no rope, and each colour of rope has its number."""

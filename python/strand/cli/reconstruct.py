@@ -22,7 +22,6 @@ from strand.report import figures, tables
 from strand.ropes.model import describe_model
 from strand.support.files import replace_file
 
-HINT = "reconstruct the ropes of a recorded scene"
 DESCRIPTION = """\
 Reconstruct the ropes of a scene, and print them with warnings and doubts.
 `strand info SCENE` shows which options it needs."""

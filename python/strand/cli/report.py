@@ -15,7 +15,6 @@ from strand.report import page
 from strand.support.extras import import_extra
 from strand.support.files import require_writable
 
-HINT = "write an HTML page about a recorded scene"
 DESCRIPTION = """\
 Reconstruct the ropes of a scene, and write one HTML page about them: points
 and chains in 3D, chains over each depth image, doubts, times. The page needs

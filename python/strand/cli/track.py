@@ -30,7 +30,6 @@ from strand.support.extras import import_extra
 from strand.support.files import check_suffix, replace_file, require_writable
 from strand.tracking.track import Track
 
-HINT = "follow ropes through the frames of a recording"
 DESCRIPTION = """\
 Follow the same ropes through the frames of a recording, and write a Parquet
 file with one row per rope and frame, a page that plays them, or a recording

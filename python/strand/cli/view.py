@@ -14,7 +14,6 @@ from strand.report import rerun_view
 from strand.support.extras import import_extra
 from strand.support.files import require_writable
 
-HINT = "show a recorded scene and its ropes in Rerun"
 DESCRIPTION = """\
 Reconstruct the ropes of a scene, and show them in the viewer Rerun, which the
 extra "rerun" installs."""

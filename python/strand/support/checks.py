@@ -96,7 +96,7 @@ def check_nonnegative(name: str, value: Any) -> float:
 def check_integer(name: str, value: Any, least: int = 0, most: int = _MOST) -> int:
     """Return `value` as an int from `least` to `most`."""
     try:
-        if isinstance(value, (bool, np.bool_, np.ma.MaskedArray)):
+        if isinstance(value, (bool, np.bool_)) or is_masked(value):
             raise TypeError
         found = operator.index(value)
     except TypeError:
@@ -237,12 +237,21 @@ def _holds_flag(value: Any, depth: int = _MAX_NESTING) -> bool:
     return isinstance(value, np.ndarray) and value.dtype == np.bool_
 
 
+def is_masked(value: object) -> bool:
+    """Return whether a value is a masked array; plain arrays do not make NumPy import its module for them."""
+    return (
+        isinstance(value, np.ndarray)
+        and type(value) is not np.ndarray
+        and isinstance(value, np.ma.MaskedArray)
+    )
+
+
 def refuse_masks_and_units(name: str, value: Any, depth: int = _MAX_NESTING) -> None:
     """Raise TypeError if a value, or an entry of a list, is a masked array or has a unit.
 
     NumPy would take the numbers under the mask, and drop the unit.
     """
-    if isinstance(value, np.ma.MaskedArray):
+    if is_masked(value):
         raise TypeError(
             f"{name}: expected an array without a mask; fill or drop masked values: .filled(0) suits depths "
             "without a return, and masks"

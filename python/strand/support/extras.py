@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +30,8 @@ def import_extra(module: str) -> Any:
 
 def _find_distribution() -> str:
     """Return the name of the distribution that strand was installed from; "." in a checkout."""
+    from importlib import metadata  # takes longer to import than all checks of arguments
+
     here = Path(__file__)
     for name in metadata.packages_distributions().get("strand", ()):
         if Path(str(metadata.distribution(name).locate_file(f"strand/support/{here.name}"))) == here:

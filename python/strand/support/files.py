@@ -8,7 +8,6 @@ import json
 import math
 import os
 import re
-import secrets
 import stat
 import sys
 from collections.abc import Iterator
@@ -171,7 +170,7 @@ def replace_file(path: str | os.PathLike[str], links: bool = False) -> Iterator[
     file with more hard links is refused, as they would keep the old bytes, unless `links` allows that.
     """
     target = require_writable(path, links)
-    temporary = target.with_name(f".strand-{secrets.token_hex(8)}.tmp")
+    temporary = target.with_name(f".strand-{os.urandom(8).hex()}.tmp")
     opener = _open_private if target.exists() else None
     try:
         with open(temporary, "xb", opener=opener) as file:

@@ -13,7 +13,7 @@ from itertools import pairwise
 import pytest
 
 import strand
-from strand import cli
+from strand.cli import demo as demo_command
 from strand.cli import main
 
 STAGES = ["extract", "filter", "register", "arcs", "link", "fit", "ends"]
@@ -73,7 +73,7 @@ def test_demo_leaves_other_files_alone(demo, tmp_path, monkeypatch, capsys):
     _, _, _, folder = demo
     shutil.copytree(folder, tmp_path / "out")
     (tmp_path / "out" / "notes.txt").write_text("mine")
-    monkeypatch.setattr(cli.demo.figures, "write_figures", lambda *_: [])
+    monkeypatch.setattr(demo_command.figures, "write_figures", lambda *_: [])
     assert main(["demo", "--out", str(tmp_path / "out")]) == 0
     assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
     assert "model.json" in capsys.readouterr().out
@@ -87,8 +87,8 @@ def test_demo_lays_the_rope_on_a_table_in_mujoco(tmp_path, monkeypatch, capsys, 
         shown.append(command)
         return subprocess.CompletedProcess(command, 0 if screen else 1)
 
-    monkeypatch.setattr(cli.demo.figures, "write_figures", lambda *_: [])
-    monkeypatch.setattr(cli.demo.subprocess, "run", run)
+    monkeypatch.setattr(demo_command.figures, "write_figures", lambda *_: [])
+    monkeypatch.setattr(demo_command.subprocess, "run", run)
     assert main(["demo", "--out", str(tmp_path), "--simulate"]) == 0
     out, err = capsys.readouterr()
     moved = re.fullmatch(

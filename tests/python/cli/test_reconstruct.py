@@ -11,8 +11,8 @@ from PIL import Image
 
 import strand
 from shared.ropes import find_rope_pixels
-from strand import cli
 from strand.cli import main
+from strand.report import figures
 from strand.ropes.doubt import Doubt, ModelWarning
 
 STAGES = ["extract", "filter", "register", "arcs", "link", "fit", "ends"]
@@ -152,7 +152,7 @@ def test_reconstruct_draws_figures(scene_npz, tmp_path, monkeypatch, capsys):
         assert len(truth) == 1
         return [directory / "a.png"]
 
-    monkeypatch.setattr(cli.demo.figures, "write_figures", write_figures)
+    monkeypatch.setattr(figures, "write_figures", write_figures)
     command = [
         "reconstruct",
         str(scene_npz),

@@ -6,8 +6,7 @@ import sys
 
 import pytest
 
-from strand import cli
-from strand.cli import main
+from strand.cli import main, view
 
 
 def test_report_writes_a_page(scene_npz, tmp_path, capsys):
@@ -55,7 +54,7 @@ def test_missing_packages_are_named_before_the_work(words, package, monkeypatch,
 def test_view_saves_a_recording(scene_npz, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "rerun", sys)
     monkeypatch.setattr(
-        cli.view.rerun_view,
+        view.rerun_view,
         "write_recording",
         lambda model, views, path, truth: path.write_text(f"{len(views)}"),
     )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import doctest
 import importlib
+import subprocess
+import sys
 import types
 from pathlib import Path
 
@@ -38,6 +40,18 @@ def test_every_public_name_says_what_it_is(name):
     shown = getattr(strand, name)
     assert shown.__doc__
     assert len(shown.__doc__.splitlines()[0]) > 20 or len(shown.__doc__.splitlines()) > 1
+
+
+def test_names_are_imported_when_they_are_first_used():
+    program = (
+        "import sys, strand; before = {name for name in sys.modules if name.startswith('strand.')}; "
+        "assert before == {'strand._core'}, before; assert strand.Box.__module__ == 'strand.views.box'; "
+        "assert 'strand.reconstruction' not in sys.modules; "
+        "from strand import *; assert all(name in globals() for name in strand.__all__)"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
+    with pytest.raises(AttributeError, match="module 'strand' has no attribute 'Ropes'"):
+        _ = strand.Ropes
 
 
 def model_of(count, **more):

@@ -1,0 +1,52 @@
+"""Time what passes before strand does any work: its import, the first reconstruction's import, `strand info`.
+
+python benches/starting.py [--runs N]
+
+Each run is a new process. Imports are timed after that of NumPy, and the commands as whole processes. The
+table has the quickest run: wall time and, for commands, processor time.
+"""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import time
+
+from lib.collection import DATA
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
+
+IMPORTS = ("import strand", "from strand import reconstruct", "from strand import Tracker")
+COMMANDS = (("--version",), ("info", str(DATA / "scenes" / "paper_mid.npz")), ("reconstruct", "--help"))
+
+
+def time_import(statement: str) -> float:
+    """Return the seconds of a statement in a new process that has imported NumPy."""
+    program = f"import time, numpy\nstart = time.perf_counter()\n{statement}\nprint(time.perf_counter() - start)"
+    return float(subprocess.run([sys.executable, "-c", program], capture_output=True, check=True).stdout)
+
+
+def time_command(words: tuple[str, ...]) -> tuple[float, float]:
+    """Return the wall time and the processor time of a command in seconds."""
+    before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    subprocess.run([sys.executable, "-m", "strand", *words], capture_output=True, check=True)
+    wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
+    return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def main() -> int:
+    parser = make_parser(__doc__)
+    parser.add_argument("--runs", type=int, default=15, metavar="N", help="of each (default: 15)")
+    runs = range(parser.parse_args().runs)
+    print_head("what", "wall, ms", "processor, ms")
+    for statement in IMPORTS:
+        print_row(statement, f"{min(time_import(statement) for _ in runs) * 1e3:.0f}", "")
+    for words in COMMANDS:
+        wall, used = (min(times) * 1e3 for times in zip(*(time_command(words) for _ in runs), strict=True))
+        print_row(f"strand {words[0]}", f"{wall:.0f}", f"{used:.0f}")
+    return 0
+
+
+if __name__ == "__main__":
+    run_bench(main)
