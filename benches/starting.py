@@ -23,7 +23,8 @@ COMMANDS = (("--version",), ("info", str(DATA / "scenes" / "paper_mid.npz")), ("
 
 def time_import(statement: str) -> float:
     """Return the seconds of a statement in a new process that has imported NumPy."""
-    program = f"import time, numpy\nstart = time.perf_counter()\n{statement}\nprint(time.perf_counter() - start)"
+    clock = "time.perf_counter()"
+    program = f"import time, numpy\nstart = {clock}\n{statement}\nprint({clock} - start)"
     return float(subprocess.run([sys.executable, "-c", program], capture_output=True, check=True).stdout)
 
 
