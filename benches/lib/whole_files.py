@@ -15,6 +15,7 @@ from strand.geometry.curve import Curve
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import Crossing
 from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
+from strand.ropes.harness import Harness, HarnessEdge, HarnessNode
 from strand.ropes.model import Model, describe_model
 from strand.support.files import convert_to_json
 from strand.views.sensor import Sensor
@@ -210,6 +211,10 @@ def make_model() -> bytes:
         sensor=Sensor(sd=0.001),
         up=(0.0, -0.6, -0.8),
         table=((0.0, -0.6, -0.8), -0.5),
+        harness=Harness(
+            [HarnessNode(i, nodes[-i], np.eye(3) * 1e-8, 1, 0.9) for i in (0, 1)],
+            [HarnessEdge(0, 0, 1, chain, 2)],
+        ),
     )
     crossing = Crossing((0, 0.05), (0, 0.01), np.ones(3), np.zeros(3), 0.009, 1e-4, 1e-3, 0.5, 1, 0.99)
     content = describe_model(made) | {"units": "metres", "crossings": [convert_to_json(crossing)]}

@@ -13,6 +13,7 @@ from strand.geometry.curve import Curve
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import Crossing
 from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
+from strand.ropes.harness import Harness, HarnessEdge, HarnessNode
 from strand.ropes.model import FORMAT, VERSION, Model
 from strand.ropes.seen_side import USUAL_UP, check_table, check_up
 from strand.support.checks import check_integer, check_number, check_sequence, check_stamp, describe_value
@@ -139,6 +140,9 @@ def _parse_model(path: str | os.PathLike[str], data: Any) -> Model:
         values["table"] = None if table is None else check_table("table", (table["normal"], table["offset"]))
     with _locate_errors(path, "stamp"):
         values["stamp"] = check_stamp("stamp", data.get("stamp"))
+    with _locate_errors(path, "harness"):
+        harness = data.get("harness")
+        values["harness"] = None if harness is None else _parse_harness(harness, values["chains"])
     with _locate_errors(path, None):
         return Model(method=data["method"], branch=data["branch"], **values)
 
@@ -180,6 +184,31 @@ def _parse_chain(data: dict[str, Any]) -> Chain:
     color = data.get("color")
     sure = _parse_confidence(data["confidence"])
     return Chain(**{**data, **arrays, "curve": curve, "doubts": doubts, "confidence": sure, "color": color})
+
+
+def _parse_harness(data: dict[str, Any], chains: tuple[Chain, ...]) -> Harness:
+    """Make a harness; the chains are those of its edges, in their order."""
+    edges = check_sequence("edges", data["edges"], "edges")
+    if len(edges) != len(chains):
+        raise ValueError(f"edges: expected one for each chain ({len(chains)}), got {len(edges)}")
+    return Harness(
+        tuple(_parse_node(node) for node in check_sequence("nodes", data["nodes"], "nodes")),
+        tuple(HarnessEdge(chain=chain, **edge) for chain, edge in zip(chains, edges, strict=True)),
+    )
+
+
+def _parse_node(data: dict[str, Any]) -> HarnessNode:
+    covariance = data["covariance"]
+    node = HarnessNode(
+        data["id"],
+        np.asarray(data["position"], np.float64),
+        None if covariance is None else np.asarray(covariance, np.float64),
+        data["degree"],
+        _parse_confidence(data["confidence"]),
+    )
+    if data["kind"] != node.kind:
+        raise ValueError(f"kind: expected {node.kind!r} with a degree of {node.degree}")
+    return node
 
 
 def _parse_confidence(value: Any) -> float:

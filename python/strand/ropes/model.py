@@ -26,6 +26,7 @@ from strand.ropes.contacts import Contact, find_contacts
 from strand.ropes.crossings import Crossing, find_crossings, find_free_stretch, list_crossings
 from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
 from strand.ropes.grasps import Grasps, Gripper, find_grasps
+from strand.ropes.harness import Harness, describe_harness
 from strand.ropes.next_view import NextView, Workspace, propose_views
 from strand.ropes.notebook import make_html
 from strand.ropes.pulls import PullPlan, plan_pulls
@@ -37,6 +38,7 @@ from strand.support.checks import (
     check_choice,
     check_float_array,
     check_fraction_or_nan,
+    check_instance,
     check_instances,
     check_integer,
     check_small_array,
@@ -108,6 +110,9 @@ class Model:
         metres. None if they show none.
     stamp : float or None
         Time of the latest view that has one, or of the `Track`, seconds, as in `View`; None if unknown.
+    harness : Harness or None
+        The ropes as a graph of junctions and ends, with `reconstruct(branches=True)`. Its edges' chains are
+        then `chains`, in the edges' order. None without it.
 
     Raises
     ------
@@ -150,6 +155,7 @@ class Model:
     up: Array = field(default_factory=lambda: USUAL_UP)
     table: Plane | None = None
     stamp: float | None = None
+    harness: Harness | None = None
 
     def __post_init__(self) -> None:
         for name, kind in (
@@ -182,6 +188,8 @@ class Model:
             for chain in self.chains
         )
         object.__setattr__(self, "chains", tuple(chains))
+        if self.harness is not None:
+            object.__setattr__(self, "harness", _check_harness(self.harness, self.chains))
 
     def __repr__(self) -> str:
         sure = "unknown" if np.isnan(self.confidence) else f"{self.confidence:.2f}"
@@ -664,6 +672,17 @@ class Model:
         write_bytes(path, make_urdf(self.chains, error))
 
 
+def _check_harness(harness: Harness, chains: tuple[Chain, ...]) -> Harness:
+    """Return the harness with the model's chains, which must be those of its edges."""
+    edges = check_instance("harness", harness, Harness).edges
+    if len(edges) != len(chains):
+        raise ValueError(f"harness: expected an edge for each chain ({len(chains)}), got {len(edges)}")
+    for edge, chain in zip(edges, chains, strict=True):
+        if edge.chain is not chain and not np.array_equal(edge.chain.points, chain.points):
+            raise ValueError(f"harness: expected chains[{edge.id}] as the chain of edge {edge.id}")
+    return replace(harness, edges=tuple(replace(edge, chain=chains[edge.id]) for edge in edges))
+
+
 def describe_model(model: Model) -> dict[str, Any]:
     """Return the content of a model's JSON file, in JSON's types."""
     content: dict[str, Any] = convert_to_json(_collect_content(model))
@@ -680,6 +699,10 @@ def _collect_content(model: Model) -> dict[str, Any]:
     ]
     if model.stamp is None:  # such files keep their bytes
         del content["stamp"]
+    if model.harness is None:
+        del content["harness"]
+    else:
+        content["harness"] = describe_harness(model.harness)
     content["table"] = None if model.table is None else model.table._asdict()
     crossings = list_crossings(model.chains, model.up, model.doubts, model.confidence)
     if crossings is not None:

@@ -23,7 +23,7 @@ ACCEPTED = {
     r".* bounds": r".*\binf\b.*",
     r"(Chain|Curve)\..* (s|parameter)": r"(array\()?\[\[.*",
     r"(Chain\.)?knot crossings": r"\[\]",
-    r"(Chain|Model) confidence|Alternative probability": r"nan",
+    r"(Chain|HarnessNode|Model) confidence|Alternative probability": r"nan",
     r"Tracker\.update views": r"\[None\]",
     r"TubeFit\.replace sigma": r"nan|-?inf",
     r"batch\.run recordings": r"'x'",

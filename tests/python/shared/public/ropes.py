@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import strand
+from shared.harnesses import make_harness, make_rope_graph
 from shared.public.scenes import (
     CHAIN,
     COLORS,
@@ -27,6 +28,7 @@ from shared.public.scenes import (
 from shared.public.surface import Call
 from strand.geometry.curve import Curve
 from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
+from strand.ropes.harness import Harness, HarnessEdge, HarnessNode
 
 UP = np.array([0.0, 0.0, 1.0])
 S = np.array([0.01, 0.05])
@@ -39,7 +41,14 @@ KNOTTED = np.stack(
 
 def list_calls(folder: Path) -> dict[str, Call]:
     """Return the calls by their names."""
-    return _list_functions() | _list_chain() | _list_model(folder) | _list_curve() | _list_doubts()
+    return (
+        _list_functions()
+        | _list_chain()
+        | _list_model(folder)
+        | _list_harness()
+        | _list_curve()
+        | _list_doubts()
+    )
 
 
 def _list_functions() -> dict[str, Call]:
@@ -184,6 +193,7 @@ def _list_model(folder: Path) -> dict[str, Call]:
                 "up": UP,
                 "table": (UP, 0.0),
                 "stamp": 1.5,
+                "harness": make_rope_graph(model.chains[0]),
             },
         ),
         "Model.nearest": Call(model.nearest, places),
@@ -240,6 +250,23 @@ def _list_model(folder: Path) -> dict[str, Call]:
         "export.curobo": Call(strand.export.curobo, {"spheres": MODEL.spheres(1e-3)}),
         "export.dismech": Call(strand.export.dismech, {"chains": MODEL.chains, "spacing": 0.02}),
         "export.elastica": Call(strand.export.elastica, {"chain": CHAIN, "spacing": 0.02}),
+    }
+
+
+def _list_harness() -> dict[str, Call]:
+    harness = make_harness([(0, 1), (1, 2), (1, 3)])
+    return {
+        "Harness": Call(Harness, {"nodes": harness.nodes, "edges": harness.edges}),
+        "Harness.path": Call(harness.path, {"a": 0, "b": 2}),
+        "Harness.length": Call(harness.length, {"a": 0, "b": 2}),
+        "Harness.branches_at": Call(harness.branches_at, {"node": 1}),
+        "Harness.tree": Call(harness.tree, {"root": 1}),
+        "HarnessNode": Call(
+            HarnessNode,
+            {"id": 0, "position": LINE[0], "covariance": 1e-6 * np.eye(3), "degree": 3, "confidence": 0.5},
+        ),
+        "HarnessEdge": Call(HarnessEdge, {"id": 0, "start": 1, "stop": 2, "chain": CHAIN, "wires": 2}),
+        "HarnessEdge.reversed": Call(harness.edges[0].reversed, {}),
     }
 
 
