@@ -6,6 +6,7 @@ from strand.synthetic.color_scenes import COLOR_KINDS, ColorScene, color_scene
 from strand.synthetic.depth_camera import CAMERAS, DepthCamera
 from strand.synthetic.frame_scenes import FRAMES, frame_scene
 from strand.synthetic.grippers import Gripper
+from strand.synthetic.harness_scenes import HARNESSES, HarnessScene, harness
 from strand.synthetic.layout import Layout
 from strand.synthetic.noise import Noise, sense
 from strand.synthetic.painting import Paint, paint_scene
@@ -23,6 +24,7 @@ __all__ = [
     "CAMERAS",
     "COLOR_KINDS",
     "FRAMES",
+    "HARNESSES",
     "ROUGH",
     "SEQUENCES",
     "SHAPES",
@@ -30,6 +32,7 @@ __all__ = [
     "ColorScene",
     "DepthCamera",
     "Gripper",
+    "HarnessScene",
     "Layout",
     "Noise",
     "Paint",
@@ -42,6 +45,7 @@ __all__ = [
     "cluttered_scene",
     "color_scene",
     "frame_scene",
+    "harness",
     "paint_scene",
     "random_ropes",
     "render_depth",

@@ -23,8 +23,8 @@ ANSWERS = {
     "OtherObject", "Pull", "PullPlan", "RayHits", "RopeMask", "ShapeError", "SweepHits", "Track",
     "Capsules", "IcpResult", "NextView", "Spheres", "TrackedRope", "TubeFit",
     "batch.Counts", "batch.Unit",
-    "synthetic.ColorScene", "synthetic.Gripper", "synthetic.SequenceFrame", "synthetic.SyntheticScene",
-    "synthetic.SyntheticSequence", "synthetic.TrueCrossing",
+    "synthetic.ColorScene", "synthetic.Gripper", "synthetic.HarnessScene", "synthetic.SequenceFrame",
+    "synthetic.SyntheticScene", "synthetic.SyntheticSequence", "synthetic.TrueCrossing",
 }  # classes that only strand makes, of what it knows
 # fmt: on
 

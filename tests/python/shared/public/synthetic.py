@@ -53,6 +53,14 @@ def _list_scenes(folder: Path) -> dict[str, Call]:
         "synthetic.cluttered_scene": Call(synthetic.cluttered_scene, {**seed, "views": 1, "rope": True}),
         "synthetic.color_scene": Call(synthetic.color_scene, {"kind": "plain", **seed, "rope": True}),
         "synthetic.frame_scene": Call(synthetic.frame_scene, {"kind": synthetic.FRAMES[0], **seed}),
+        "synthetic.harness": Call(
+            synthetic.harness,
+            {
+                "kind": "tree",
+                **seed,
+                **{name: options[name] for name in ("views", "camera", "noise", "mask")},
+            },
+        ),
         "synthetic.rough_scene": Call(
             synthetic.rough_scene, {"kind": synthetic.ROUGH[0], **seed, "device": "d435", "views": 1}
         ),
