@@ -15,6 +15,7 @@ Tube = tuple[Array, float]
 
 _SIDE = 2.02  # radii between the axes of wires side by side
 _SMOOTH = 4.0  # radii: deviation of the Gaussian that smooths a wire where its bundle parts
+_AROUND = 8.0  # radii around a junction in which it does; at twice as many it has no effect
 _TIE = 1.2  # radii of a tie, in those of a wire
 _BETWEEN_TIES = (0.025, 0.045)  # metres: range of the distance of ties
 _LOOP = (0.08, 0.12)  # metres: range of a loop's length
@@ -38,6 +39,7 @@ def lay_wires(rng: np.random.Generator, pieces: Sequence[Piece], radius: float) 
         return [wire for one in leftmost for wire in list_ends(one)]
 
     slots = {piece.stop: list_ends(piece) for piece in pieces}
+    junctions = np.array([piece.line[-1, :2] for piece in pieces if piece.stop in after]).reshape(-1, 2)
     tubes: list[Tube] = []
     for wire in slots[pieces[0].stop]:
         parts, node = [], wire[0]
@@ -46,7 +48,7 @@ def lay_wires(rng: np.random.Generator, pieces: Sequence[Piece], radius: float) 
             aside = (0.5 * (len(row) - 1) - row.index(wire)) * _SIDE * radius
             parts.append(piece.line[:, :2] + aside * _find_left(piece.line))
             node = piece.start
-        tubes.append((_smooth(np.concatenate(parts[::-1]), radius), radius))
+        tubes.append((_smooth(np.concatenate(parts[::-1]), radius, junctions), radius))
     for piece in pieces:
         s, at = rng.uniform(*_BETWEEN_TIES), piece.at
         while piece.wires != 1 and s < at[-1] - 0.5 * _BETWEEN_TIES[0]:
@@ -72,7 +74,7 @@ def tie_loop(rng: np.random.Generator, radius: float) -> tuple[list[Piece], list
     rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
     lines = [line @ rotation.T for line in (tails[0][::-1], loop, tails[1])]
     wire = np.concatenate([lines[0][:-1], lines[1], lines[2][1:]])
-    tubes = [(_smooth(wire, radius), radius)]
+    tubes = [(_smooth(wire, radius, np.empty((0, 2))), radius)]
     tie = np.array([[-STEP, 0.0], [0.0, 0.0], [STEP, 0.0]]) @ rotation.T
     tubes.append(_make_tie(tie, 1, 2, radius))
     # the graph's edges share the middle of the tie
@@ -104,8 +106,8 @@ def _find_left(line: Array) -> Array:
     return np.stack([-along[:, 1], along[:, 0]], axis=1)
 
 
-def _smooth(line: Array, radius: float) -> Array:
-    """Return a wire on the table along a line, evenly spaced and smoothed."""
+def _smooth(line: Array, radius: float, junctions: Array) -> Array:
+    """Return a wire on the table along a line, evenly spaced, and smoothed near (J, 2) junctions."""
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
     spacing = 0.5 * STEP
     even = np.arange(0.0, s[-1], spacing)
@@ -119,6 +121,10 @@ def _smooth(line: Array, radius: float) -> Array:
             [2 * values[0] - values[wide:0:-1], values, 2 * values[-1] - values[-2 : -wide - 2 : -1]]
         )
         smooth[:, k] = np.convolve(padded, kernel / kernel.sum(), "valid")
+    exact = np.stack([np.interp(even, s, line[:, k]) for k in range(2)], axis=1)
+    away = np.linalg.norm(exact[:, None] - junctions, axis=2).min(axis=1, initial=np.inf)
+    share = np.clip(2.0 - away / (_AROUND * radius), 0.0, 1.0)[:, None]
+    smooth[:, :2] = share * smooth[:, :2] + (1.0 - share) * exact
     return smooth
 
 
