@@ -1,0 +1,51 @@
+"""Graphs of random harnesses: what comes out right, by kind, views and noise.
+
+python benches/harnesses.py
+python benches/harnesses.py --no-radii
+python benches/harnesses.py --first 1000 --scenes 50 --pictures out/harnesses
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lib.harness_judging import KINDS, draw_set, judge_harness, print_summary, reconstruct_harness
+from lib.pictures import draw_scene
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
+
+
+def main() -> int:
+    parser = make_parser(__doc__)
+    parser.add_argument("--scenes", type=int, default=52, metavar="N", help="how many (default: 52)")
+    parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
+    parser.add_argument("--kind", choices=sorted(set(KINDS)), help="scenes of one kind")
+    parser.add_argument("--no-radii", action="store_true", help="do not give the radii that occur")
+    parser.add_argument("--pictures", type=Path, metavar="DIR", help="draw the wrong answers here")
+    arguments = parser.parse_args()
+    kinds = KINDS if arguments.kind is None else (arguments.kind,)
+    results = []
+    print_head("scene", "noise", "graph", "junctions", "edges", "confidence", "CPU s", "no answer")
+    for scene in draw_set(arguments.first, arguments.scenes, kinds):
+        judged, found = judge_harness(scene, reconstruct_harness, not arguments.no_radii)
+        results.append(judged)
+        print_row(
+            judged.scene,
+            judged.noise,
+            "right" if judged.right else "wrong",
+            f"{judged.both} of {judged.true_junctions}, {judged.found_junctions} found",
+            f"{judged.edges} of {judged.true_edges}",
+            f"{judged.confidence:.2f}",
+            f"{judged.seconds:.2f}",
+            judged.error[:60],
+        )
+        if arguments.pictures is not None and not judged.right:
+            chains = [edge.chain.points for edge in found.edges] if found else []
+            draw_scene(scene, chains, arguments.pictures / f"{judged.scene}.png")
+    print()
+    print_summary(results)
+    return 0
+
+
+if __name__ == "__main__":
+    run_bench(main)
