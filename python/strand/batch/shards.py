@@ -176,6 +176,13 @@ def read_root(out: Path) -> Path:
     return Path(root)
 
 
+def find_root(out: Path) -> Path | None:
+    """Return the folder to which a folder of shards relates names; None if it is unknown or gone."""
+    with suppress(OSError, ValueError):
+        return read_root(out) if (out / _ROOT_FILE).exists() else None
+    return None
+
+
 def prepare_folder(out: Path, settings: Settings, root: Path) -> None:
     """Make the folder of shards, with files that hold its root and the settings.
 

@@ -1,4 +1,4 @@
-"""A page about a batch: answered frames, confidence, lengths, kinds of errors, slowest frames."""
+"""A page about a batch: answered frames, confidence, lengths, kinds of errors, frames to look at."""
 
 from __future__ import annotations
 
@@ -15,14 +15,27 @@ from typing import Any
 import numpy as np
 
 from strand._core import __version__
+from strand.batch.links import Links
 from strand.batch.reading import iterate_shards
+from strand.batch.shards import find_root
 from strand.io.budget import MAX_BYTES
 from strand.support.checks import Array, check_path
 from strand.support.files import write_bytes
 
-_COLUMNS = ("recording", "frame", "rope", "nodes", "arc_length", "closed", "confidence", "seconds", "error")
+_COLUMNS = (
+    "recording",
+    "frame",
+    "rope",
+    "nodes",
+    "arc_length",
+    "closed",
+    "confidence",
+    "model_confidence",
+    "seconds",
+    "error",
+)
 _BINS = 10  # bins of a histogram
-_SLOWEST = 10  # frames listed as the slowest
+_LISTED_FRAMES = 10  # frames listed as the slowest, and as the least sure
 _MAX_LISTED_KINDS = 30  # kinds of error that the page lists
 _MAX_KINDS = 1000  # kinds of error that are counted separately
 _MAX_KIND_LENGTH = 160  # characters of a kind
@@ -48,9 +61,11 @@ class Summary:
         Confidence of each rope, NaN where it is not known.
     lengths : (N,) ndarray
         Length of each rope along its nodes, metres.
-    errors : dict of str to (int, str)
-        Number of errors of each kind, the most frequent first, and an example with its recording. A kind is
+    errors : dict of str to (int, str, str)
+        Number of errors of each kind, the most frequent first, and an example: recording and error. A kind is
         an error's text without paths and numbers.
+    unsure : sequence of (float, str, int or None)
+        Confidence, recording and frame of the frames whose answers are least sure.
     slowest : sequence of (float, str, int or None)
         Seconds, recording and frame of the slowest frames.
     seconds : float
@@ -62,7 +77,8 @@ class Summary:
     answered: int
     confidence: Array
     lengths: Array
-    errors: dict[str, tuple[int, str]]
+    errors: dict[str, tuple[int, str, str]]
+    unsure: Sequence[tuple[float, str, int | None]]
     slowest: Sequence[tuple[float, str, int | None]]
     seconds: float
 
@@ -73,7 +89,8 @@ def summarize(out: str | os.PathLike[str], max_bytes: int = MAX_BYTES) -> Summar
     confidence: list[float] = []
     lengths: list[float] = []
     kinds: Counter[str] = Counter()
-    examples: dict[str, str] = {}
+    examples: dict[str, tuple[str, str]] = {}
+    unsure: list[tuple[float, str, int | None]] = []
     slowest: list[tuple[float, str, int | None]] = []
     frames, answered, seconds = 0, 0, 0.0
     for _, table in iterate_shards(out, _COLUMNS, max_bytes):
@@ -89,14 +106,17 @@ def summarize(out: str | os.PathLike[str], max_bytes: int = MAX_BYTES) -> Summar
             slowest.append((row["seconds"], row["recording"], row["frame"]))
             if row["error"] is None:
                 answered += 1
+                if row["model_confidence"] is not None:
+                    unsure.append((row["model_confidence"], row["recording"], row["frame"]))
                 continue
             kind = _classify_error(row["error"], row["recording"])
             if kind not in kinds and len(kinds) >= _MAX_KINDS:
                 kind = row["error"].partition(":")[0]
             kinds[kind] += 1
-            examples.setdefault(kind, f"{row['recording']}: {row['error']}")
-        slowest = sorted(slowest, key=lambda frame: (-frame[0], frame[1]))[:_SLOWEST]
-    errors = {kind: (count, examples[kind]) for kind, count in kinds.most_common()}
+            examples.setdefault(kind, (row["recording"], row["error"]))
+        unsure = sorted(unsure, key=lambda frame: frame[:2])[:_LISTED_FRAMES]
+        slowest = sorted(slowest, key=lambda frame: (-frame[0], frame[1]))[:_LISTED_FRAMES]
+    errors = {kind: (count, *examples[kind]) for kind, count in kinds.most_common()}
     return Summary(
         len(recordings),
         frames,
@@ -104,6 +124,7 @@ def summarize(out: str | os.PathLike[str], max_bytes: int = MAX_BYTES) -> Summar
         np.array(confidence),
         np.array(lengths),
         errors,
+        unsure,
         slowest,
         seconds,
     )
@@ -115,7 +136,9 @@ def write_summary(
     """Write an HTML page about a batch; it needs no network.
 
     The page shows the number of frames with an answer, the ropes' confidence and lengths, the kinds of error,
-    and the slowest frames. If writing fails, no partial page is left.
+    the least sure frames and the slowest. Recordings that exist are links, relative to the page. So are their
+    reports: HTML files with a recording's name, beside it or beside the page, or `report.html` in a
+    recording's folder. If writing fails, no partial page is left.
 
     Parameters
     ----------
@@ -139,7 +162,8 @@ def write_summary(
     """
     page, folder = check_path("page", page), check_path("out", out)
     found = summarize(folder, max_bytes)
-    write_bytes(page, _make_page(found, f"Ropes in {folder.absolute().name}").encode())
+    links = Links(page, find_root(folder))
+    write_bytes(page, _make_page(found, f"Ropes in {folder.absolute().name}", links).encode())
 
 
 def _read_rows(table: Any) -> list[dict[str, Any]]:
@@ -170,7 +194,7 @@ def _classify_error(error: str, recording: str) -> str:
     return f"{kind}: {words if len(words) <= _MAX_KIND_LENGTH else words[: _MAX_KIND_LENGTH - 4] + ' ...'}"
 
 
-def _make_page(summary: Summary, title: str) -> str:
+def _make_page(summary: Summary, title: str, links: Links) -> str:
     share = summary.answered / max(summary.frames, 1)
     parts = [
         f"<p>{summary.recordings} recordings, {summary.frames} frames, {summary.answered} of them answered "
@@ -180,16 +204,11 @@ def _make_page(summary: Summary, title: str) -> str:
         "<h2>Lengths</h2>",
         _make_length_section(summary.lengths),
         "<h2>Errors</h2>",
-        _make_error_section(summary),
+        _make_error_section(summary, links),
+        "<h2>Least sure frames</h2>",
+        _make_frame_section("confidence", 2, summary.unsure, links),
         "<h2>Slowest frames</h2>",
-        _make_table(
-            ("seconds", "recording", "frame"),
-            [
-                (f"{spent:.3f}", name, "" if frame is None else f"{frame}")
-                for spent, name, frame in summary.slowest
-            ],
-            numbers=("seconds", "frame"),
-        ),
+        _make_frame_section("seconds", 3, summary.slowest, links),
     ]
     frame = Template(resources.files("strand.batch").joinpath("summary.html").read_text(encoding="utf-8"))
     return frame.substitute(title=html.escape(title), body="\n".join(parts), version=__version__)
@@ -219,23 +238,39 @@ def _make_histogram(values: Array, edges: Array, scale: float, unit: str) -> str
     return f"<table>{''.join(rows)}</table>{note}"
 
 
-def _make_error_section(summary: Summary) -> str:
+def _make_error_section(summary: Summary, links: Links) -> str:
     if not summary.errors:
         return "<p>None.</p>"
-    rows = [(kind, f"{count}", example) for kind, (count, example) in summary.errors.items()]
-    listed = _make_table(("kind", "frames", "for example"), rows[:_MAX_LISTED_KINDS], numbers=("frames",))
-    others = sum(count for count, _ in list(summary.errors.values())[_MAX_LISTED_KINDS:])
+    rows = [
+        (html.escape(kind), f"{count}", f"{links.make_cell(recording)}: {html.escape(error)}")
+        for kind, (count, recording, error) in [*summary.errors.items()][:_MAX_LISTED_KINDS]
+    ]
+    listed = _make_table(("kind", "frames", "for example"), rows, numbers=("frames",))
+    others = sum(count for count, *_ in list(summary.errors.values())[_MAX_LISTED_KINDS:])
     if not others:
         return listed
-    return f'{listed}<p class="note">{len(rows) - _MAX_LISTED_KINDS} more kinds, in {others} frames.</p>'
+    more = len(summary.errors) - _MAX_LISTED_KINDS
+    return f'{listed}<p class="note">{more} more kinds, in {others} frames.</p>'
+
+
+def _make_frame_section(
+    head: str, digits: int, frames: Sequence[tuple[float, str, int | None]], links: Links
+) -> str:
+    if not frames:
+        return "<p>None.</p>"
+    rows = [
+        (f"{value:.{digits}f}", links.make_cell(recording), "" if frame is None else f"{frame}")
+        for value, recording, frame in frames
+    ]
+    return _make_table((head, "recording", "frame"), rows, numbers=(head, "frame"))
 
 
 def _make_table(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[str]) -> str:
-    """Return a table; `numbers` names the columns that are set flush right."""
+    """Return a table of cells of HTML; `numbers` names the columns that are set flush right."""
     kinds = [' class="n"' if head in numbers else "" for head in heads]
 
     def make_row(tag: str, cells: Sequence[str]) -> str:
         styled = zip(kinds, cells, strict=True)
-        return f"<tr>{''.join(f'<{tag}{kind}>{html.escape(cell)}</{tag}>' for kind, cell in styled)}</tr>"
+        return f"<tr>{''.join(f'<{tag}{kind}>{cell}</{tag}>' for kind, cell in styled)}</tr>"
 
     return f"<table>{make_row('th', heads)}{''.join(make_row('td', row) for row in rows)}</table>"

@@ -25,6 +25,7 @@ from strand.batch import (
     summary,
     write_summary,
 )
+from strand.batch.links import Links
 from strand.batch.shards import list_shards
 from strand.batch.summary import Summary, summarize
 from strand.ropes.doubt import ModelWarning
@@ -211,12 +212,14 @@ def test_a_summary_counts_rows_errors_and_ropes(batch, tmp_path):
     assert len(found.confidence) == len(found.lengths) == 4
     lengths = sorted(chain.length for _, _, model in load_models(out) for chain in model.chains)
     np.testing.assert_allclose(sorted(found.lengths), lengths, rtol=1e-3)
-    ((kind, (count, example)),) = found.errors.items()
+    ((kind, (count, *example)),) = found.errors.items()
     assert kind.startswith("FileFormatError: truncated, or not an .npz file")
-    assert (count, example.startswith("broken.npz: FileFormatError: ")) == (1, True)
+    assert (count, example[0], example[1].split(":")[0]) == (1, "broken.npz", "FileFormatError")
     spent = load_table(out, ["seconds"]).column(0).to_pylist()
     assert found.seconds == pytest.approx(sum(spent))
     assert found.slowest[0][0] == max(spent)
+    models = sorted((model.confidence, name, frame) for name, frame, model in load_models(out))
+    assert list(found.unsure) == models
     write_summary(out, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
     assert "3 recordings, 5 frames, 4 of them answered (80.0%), 4 ropes" in page
@@ -270,25 +273,27 @@ def test_equal_errors_of_several_files_are_one_kind(tmp_path):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(b"")
     run(folder, tmp_path / "out", SETTINGS, root=folder)
-    assert [count for count, _ in summarize(tmp_path / "out").errors.values()] == [5]
+    assert [count for count, *_ in summarize(tmp_path / "out").errors.values()] == [5]
 
 
 def test_kinds_that_are_not_listed_are_counted(tmp_path):
-    errors = {f"OSError: {'x' * k}": (100 - k, "a: OSError") for k in range(33)}
-    page = summary._make_page(Summary(1, 3, 0, np.empty(0), np.empty(0), errors, [], 1.5), "")
+    errors = {f"OSError: {'x' * k}": (100 - k, "a", "OSError") for k in range(33)}
+    links = Links(tmp_path / "page.html", None)
+    page = summary._make_page(Summary(1, 3, 0, np.empty(0), np.empty(0), errors, [], [], 1.5), "", links)
     assert page.count("OSError: x") == 29
     assert "3 more kinds, in 207 frames." in page
     few = dict(list(errors.items())[:30])
     assert "more kinds" not in summary._make_page(
-        Summary(1, 3, 0, np.empty(0), np.empty(0), few, [], 1.5), ""
+        Summary(1, 3, 0, np.empty(0), np.empty(0), few, [], [], 1.5), "", links
     )
 
 
 def test_a_page_is_no_wider_than_its_window_and_numbers_are_flush_right(tmp_path):
     name = "recording_of_a_rope" * 40
-    errors = {f"FileFormatError: {name}": (3, f"{name}: FileFormatError: {name}")}
-    found = Summary(1, 3, 0, np.empty(0), np.empty(0), errors, [(1.5, name, 2)], 1.5)
-    (tmp_path / "page.html").write_text(summary._make_page(found, f"Ropes in {name}"))
+    errors = {f"FileFormatError: {name}": (3, name, f"FileFormatError: {name}")}
+    found = Summary(1, 3, 0, np.empty(0), np.empty(0), errors, [(0.5, name, 2)], [(1.5, name, 2)], 1.5)
+    links = Links(tmp_path / "page.html", tmp_path)
+    (tmp_path / "page.html").write_text(summary._make_page(found, f"Ropes in {name}", links))
     with start_chromium(tmp_path / "browser") as page:
         size = {"width": 800, "height": 600, "deviceScaleFactor": 1, "mobile": False}
         page.ask("Emulation.setDeviceMetricsOverride", **size)
@@ -299,7 +304,7 @@ def test_a_page_is_no_wider_than_its_window_and_numbers_are_flush_right(tmp_path
         columns = (
             "[...document.querySelectorAll('tr:nth-child(2) td')].map(d => getComputedStyle(d).textAlign)"
         )
-        assert page.value(columns) == ["left", "right", "left", "right", "left", "right"]
+        assert page.value(columns) == ["left", "right", "left", *["right", "left", "right"] * 2]
 
 
 def test_names_of_recordings_are_escaped_on_a_page(tmp_path):
