@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -158,24 +159,33 @@ def _find(
     gap = _measure_gap(chains, number, at, height, radii)
     evidence = measure_order(height, sd, radii, angle, point.mean(axis=0), doubts)
     probability = estimate_order_probability(evidence, confidence)
-    found = []
-    for k in range(len(height)):
-        over, under = (upper[k], k), (1 - upper[k], k)
-        found.append(
-            Crossing(
-                over=(number[over], at[over]),
-                under=(number[under], at[under]),
-                point_over=point[over],
-                point_under=point[under],
-                height=float(height[k]),
-                height_sd=float(sd[k]),
-                gap=float(gap[k]),
-                angle=float(angle[k]),
-                sign=int(turns[k] if upper[k] == 0 else -turns[k]),
-                probability=float(probability[k]),
-            )
-        )
-    return tuple(found)
+    order = np.stack([upper, 1 - upper]), np.arange(len(height))
+    points = point[order]
+    points.setflags(write=False)
+    over, under = (
+        zip(chain, s, strict=True)
+        for chain, s in zip(number[order].tolist(), at[order].tolist(), strict=True)
+    )
+    columns = {
+        "over": over,
+        "under": under,
+        "point_over": points[0],
+        "point_under": points[1],
+        "height": height.tolist(),
+        "height_sd": sd.tolist(),
+        "gap": gap.tolist(),
+        "angle": angle.tolist(),
+        "sign": np.where(upper == 0, turns, -turns).tolist(),
+        "probability": probability.tolist(),
+    }
+    return tuple(_make(dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True))
+
+
+def _make(values: dict[str, Any]) -> Crossing:
+    """Return the crossing with these attributes, which need no check."""
+    crossing = object.__new__(Crossing)
+    crossing.__dict__.update(values)
+    return crossing
 
 
 def find_free_stretch(

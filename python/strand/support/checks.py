@@ -24,9 +24,8 @@ _MAX_ROTATION_ERROR = 1e-6  # how far R R^T may be from the identity, in any ent
 _MAX_LAST_ROW_ERROR = 1e-9  # how far the last row of a pose may be from (0, 0, 0, 1)
 _MAX_ROTATION_ENTRY = 2.0  # larger entries could overflow in R R^T
 _MAX_NESTING = 4  # lists in lists, deeper than any argument's
-_PLAIN = frozenset((bool, int, float))  # entries of lists that hold no array
-_NUMBERS = frozenset((int, float, np.float64, np.int64))  # entries of lists that are no flags
 _FLAGS = frozenset((bool, np.bool_))
+_SCALARS = _FLAGS | {int, float, np.float64, np.int64}  # entries of lists that hold no array
 _NANOSECONDS = 1e11  # larger times are no seconds, even those that bags can hold
 _MOST = 2**63 - 1  # whole numbers of 64 bits, as kernels and tables hold them
 
@@ -217,24 +216,14 @@ def to_array(name: str, value: ArrayLike) -> NDArray[Any]:
 
     Other subclasses, such as matrices and memory maps, count as the plain numbers that they hold.
     """
-    refuse_masks_and_units(name, value)
+    has_flag = _inspect(name, value, _MAX_NESTING)
     try:
         array = np.asarray(value)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
-    if array.dtype.kind in "iuf" and _holds_flag(value):
+    if has_flag and array.dtype.kind in "iuf":
         raise TypeError(f"{name}: expected numbers, got True or False among them")
     return array
-
-
-def _holds_flag(value: Any, depth: int = _MAX_NESTING) -> bool:
-    """Tell whether a list, or a list in it, holds a bool, which NumPy would take for 0 or 1."""
-    if isinstance(value, (list, tuple)) and depth > 0:
-        kinds = set(map(type, value))
-        return not _FLAGS.isdisjoint(kinds) or (
-            not _NUMBERS.issuperset(kinds) and any(_holds_flag(entry, depth - 1) for entry in value)
-        )
-    return isinstance(value, np.ndarray) and value.dtype == np.bool_
 
 
 def is_masked(value: object) -> bool:
@@ -246,22 +235,33 @@ def is_masked(value: object) -> bool:
     )
 
 
-def refuse_masks_and_units(name: str, value: Any, depth: int = _MAX_NESTING) -> None:
+def refuse_masks_and_units(name: str, value: Any) -> None:
     """Raise TypeError if a value, or an entry of a list, is a masked array or has a unit.
 
     NumPy would take the numbers under the mask, and drop the unit.
     """
-    if is_masked(value):
-        raise TypeError(
-            f"{name}: expected an array without a mask; fill or drop masked values: .filled(0) suits depths "
-            "without a return, and masks"
-        )
+    _inspect(name, value, _MAX_NESTING)
+
+
+def _inspect(name: str, value: Any, depth: int) -> bool:
+    """Refuse masks and units; tell whether a value is or holds a bool, which NumPy would take for 0 or 1."""
     if isinstance(value, np.ndarray):
+        if is_masked(value):
+            raise TypeError(
+                f"{name}: expected an array without a mask; fill or drop masked values: .filled(0) suits "
+                "depths without a return, and masks"
+            )
         if type(value) is not np.ndarray and (hasattr(value, "unit") or hasattr(value, "units")):
             raise TypeError(f"{name}: expected plain numbers in SI units, got {type(value).__name__}")
-    elif isinstance(value, (list, tuple)) and depth > 0 and not _PLAIN.issuperset(map(type, value)):
+        return value.dtype == np.bool_
+    if not isinstance(value, (list, tuple)) or depth == 0:
+        return False
+    kinds = set(map(type, value))
+    has_flag = not _FLAGS.isdisjoint(kinds)
+    if not _SCALARS.issuperset(kinds):
         for entry in value:
-            refuse_masks_and_units(name, entry, depth - 1)
+            has_flag |= _inspect(name, entry, depth - 1)
+    return has_flag
 
 
 def freeze_array(array: NDArray[Any], given: Any = None) -> NDArray[Any]:
