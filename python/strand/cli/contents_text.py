@@ -118,9 +118,21 @@ def _describe_model(model: Model) -> list[Row]:
         Row("up", _format_vector(model.up)),
         Row("table", _describe_table(model)),
         Row("labels", _describe_labels(model)),
+        *_describe_stamps([model.stamp]),
         Row("confidence", "not known" if np.isnan(model.confidence) else f"{model.confidence:.2f}"),
         Row("doubts", _count_kinds([doubt.kind for doubt in model.doubts])),
         Row("warnings", _count_kinds([warning.kind for warning in model.warnings])),
+    ]
+
+
+def _describe_stamps(stamps: Sequence[float | None]) -> list[Row]:
+    """Return a row with the first and the last stamp, if there are any."""
+    known = [stamp for stamp in stamps if stamp is not None]
+    if not known:
+        return []
+    words = f"{min(known):.3f} s" + (f" to {max(known):.3f} s" if len(known) > 1 else "")
+    return [
+        Row("stamps", words + ("" if len(known) == len(stamps) else f"; {len(known)} of {len(stamps)} views"))
     ]
 
 
@@ -156,6 +168,7 @@ def _describe_scene(scene: SceneContents) -> list[Row]:
         *_describe_points(views),
         Row("masks", _describe_masks(views)),
         Row("colours", _describe_share(sum(view.colors for view in views), len(views))),
+        *_describe_stamps([view.stamp for view in views]),
         Row("radius", "not given" if scene.radius is None else f"{scene.radius * 1e3:.3g} mm"),
         Row("bounds", "not given" if scene.bounds is None else f"{scene.bounds}"),
     ]

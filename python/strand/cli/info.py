@@ -111,6 +111,7 @@ def _convert_model(model: Model) -> dict[str, object]:
         "confidence": convert_to_json(model.confidence),
         "doubts": [doubt.kind for doubt in model.doubts],
         "warnings": [warning.kind for warning in model.warnings],
+        "stamp": model.stamp,
         "up": model.up.tolist(),
         "table": None if model.table is None else convert_to_json(model.table._asdict()),
         "chains": chains,

@@ -35,14 +35,14 @@ class PointCloud:
         """Number of floats in a view of the cloud."""
         return self.points.size * (1 if self.colors is None else 2)
 
-    def make_view(self, pose: Array) -> View:
+    def make_view(self, pose: Array, stamp: float | None = None) -> View:
         """Return a view with this (4, 4) camera-to-world pose; the points are in the camera frame.
 
         The view drops points that are not finite, and counts them in `View.dropped`.
         """
         finite = np.isfinite(self.points).all(axis=1)
         colors = None if self.colors is None else self.colors[finite]
-        return View(self.points[finite], pose, int((~finite).sum()), colors)
+        return View(self.points[finite], pose, int((~finite).sum()), colors, stamp=stamp)
 
     def make_view_from(self, viewpoint: Array) -> View:
         """Return a view from this (3,) viewpoint, metres; the points are in the world frame."""

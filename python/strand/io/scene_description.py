@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from strand.support.checks import Array, check_number, check_rigid_motion, describe_value
+from strand.support.checks import Array, check_number, check_rigid_motion, check_stamp, describe_value
 from strand.views.box import Bounds, Box, make_box
 from strand.views.pose import pose_from_angles, turntable_pose
 
@@ -32,6 +32,8 @@ class RecordedView:
         Camera to world.
     color, mask, occluders : str or None
         The colour image, the mask and the occluders of a depth image.
+    stamp : float or None
+        When it was taken, seconds.
     """
 
     file: str
@@ -39,6 +41,7 @@ class RecordedView:
     color: str | None = None
     mask: str | None = None
     occluders: str | None = None
+    stamp: float | None = None
 
     @property
     def files(self) -> dict[str, str]:
@@ -150,15 +153,16 @@ def _parse_radius(value: Any) -> float:
 
 
 def _parse_view(name: str, table: Any, turntable: Any) -> RecordedView:
-    accepted = (*_FILES, "pose", "angles_deg", "origin", "turntable_deg")
+    accepted = (*_FILES, "stamp", "pose", "angles_deg", "origin", "turntable_deg")
     _check_keys(name, table, accepted, required=("file",))
     for key in _FILES:
         if key in table and not (isinstance(table[key], str) and table[key] and "\0" not in table[key]):
             raise TypeError(f"{name}.{key}: expected a file's name, got {describe_value(table[key])}")
-    files = {key: table.get(key) for key in _FILES}
+    known: dict[str, Any] = {key: table.get(key) for key in _FILES}
+    known["stamp"] = check_stamp(f"{name}.stamp", table.get("stamp"))
     if "turntable_deg" not in table:
-        return RecordedView(pose=_parse_pose(name, table), **files)
-    if set(table) - set(_FILES) != {"turntable_deg"}:
+        return RecordedView(pose=_parse_pose(name, table), **known)
+    if set(table) - set(known) != {"turntable_deg"}:
         raise ValueError(f"{name}: expected one pose, got turntable_deg and another one")
     if turntable is None:
         raise ValueError(f"{name}: turntable_deg needs a [turntable] table with the camera's pose at angle 0")
@@ -169,7 +173,7 @@ def _parse_view(name: str, table: Any, turntable: Any) -> RecordedView:
         _parse_numbers("turntable.center", turntable.get("center", [0.0, 0.0, 0.0])),
         _parse_numbers("turntable.axis", turntable.get("axis", [0.0, 0.0, 1.0])),
     )
-    return RecordedView(pose=pose, **files)
+    return RecordedView(pose=pose, **known)
 
 
 def _parse_pose(name: str, table: Mapping[str, Any]) -> Array:

@@ -20,7 +20,15 @@ from strand.io.recordings.bags import SUFFIXES as RECORDED
 from strand.io.scene_description import Description, parse_description
 from strand.io.single_view import KnownCamera, read_single_view
 from strand.io.view_files import SUFFIXES, collect_given, read_images, read_view_file, require_one_each
-from strand.support.checks import Array, check_bool, check_finite_array, check_integer, check_path
+from strand.support.checks import (
+    Array,
+    check_bool,
+    check_finite_array,
+    check_integer,
+    check_numbers,
+    check_path,
+    check_stamp,
+)
 from strand.support.files import TOML_BYTES, FileFormatError, read_toml
 from strand.views.box import Bounds, make_box
 from strand.views.view import View
@@ -87,8 +95,8 @@ def load_scene(
     - `poses` (V, 4, 4), camera to world
 
     It may have `color` (V, H, W, 3) uint8, `mask` (V, H, W) of bools or labels, `occluders` (V, H, W) of
-    bools or whole numbers, the extraction range `box` (2, 3), `radius`, `name`, and the true centrelines
-    `truth_0`, `truth_1`, ...
+    bools or whole numbers, `stamps` (V,) in seconds, the extraction range `box` (2, 3), `radius`, `name`, and
+    the true centrelines `truth_0`, `truth_1`, ...
 
     A `scene.toml` names the file and the pose of each view:
 
@@ -119,6 +127,7 @@ def load_scene(
         color = "view0_color.png"      # optional: a colour image of the depth image's size
         mask = "view0_mask.png"        # optional: the ropes' pixels; 0 is no rope
         occluders = "view0_robot.png"  # optional: the robot's or a hand's pixels; 0 is none
+        stamp = 12.5                   # optional: when it was taken, seconds
         pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.5], [0, 0, 0, 1]]    # camera to world
 
         [[view]]
@@ -214,7 +223,7 @@ def load_scene(
 
 def _load_archive(path: Path, given: Mapping[str, Sequence[Path]], budget: Budget) -> Scene:
     with Archive(path, budget.max_bytes) as archive:
-        wanted = {*_SCALARS, *_IMAGES, "depth", "K", "poses", "box", "name"} - set(given)
+        wanted = {*_SCALARS, *_IMAGES, "depth", "K", "poses", "stamps", "box", "name"} - set(given)
         names = [name for name in archive.names if name in wanted or _TRUTH.fullmatch(name)]
         declared = {name: archive.declare(name) for name in names}
         try:
@@ -253,7 +262,9 @@ def _check_declared(declared: Mapping[str, Declared]) -> None:
         raise ValueError(f"depth: expected (V, H, W) uint16, got {depth.shape} {depth.dtype}")
     if not depth.shape[0]:
         raise ValueError("depth: expected at least one image")
-    shapes = {"poses": (depth.shape[0], 4, 4), "K": (3, 3), "box": (2, 3), **dict.fromkeys(_SCALARS, ())}
+    views = depth.shape[0]
+    shapes = {"poses": (views, 4, 4), "K": (3, 3), "stamps": (views,), "box": (2, 3)}
+    shapes |= dict.fromkeys(_SCALARS, ())
     for name, one in declared.items():
         if name in _IMAGES:
             shape = (*depth.shape, 3) if name == "color" else depth.shape
@@ -272,6 +283,10 @@ def _make_scene(name: str, arrays: dict[str, NDArray[Any]], images: list[dict[st
     for key in _IMAGES:
         for own, array in zip(images, arrays.get(key, ()), strict=False):
             own["colors" if key == "color" else key] = array
+    if "stamps" in arrays:
+        stamps = check_numbers("stamps", arrays["stamps"]).tolist()
+        for k, (own, stamp) in enumerate(zip(images, stamps, strict=True)):
+            own["stamp"] = check_stamp(f"stamps[{k}]", stamp)
     views = tuple(
         View.from_depth(image, arrays["K"], pose, depth_scale=scale, **own)
         for image, pose, own in zip(arrays["depth"], arrays["poses"], images, strict=True)
@@ -322,7 +337,7 @@ def _load_description(
     for i, view in enumerate(recorded):
         own = {key: _find_file(path, f"view {i}.{key}", name, folder) for key, name in view.files.items()}
         own.update({key: paths[i] for key, paths in given.items()})
-        views.append(_load_view(own, view.pose, description, budget))
+        views.append(_load_view(own, view.pose, view.stamp, description, budget))
         files += own.values()
     name = description.name or Path(os.path.realpath(path)).parent.name
     return Scene(name, tuple(views), description.bounds, description.radius, files=tuple(files))
@@ -337,7 +352,9 @@ def _find_file(description: Path, place: str, name: str, folder: Path | None) ->
     return file
 
 
-def _load_view(files: Mapping[str, Path], pose: Array, description: Description, budget: Budget) -> View:
+def _load_view(
+    files: Mapping[str, Path], pose: Array, stamp: float | None, description: Description, budget: Budget
+) -> View:
     path = files["file"]
     seen = read_view_file(path, budget)
     try:
@@ -346,7 +363,7 @@ def _load_view(files: Mapping[str, Path], pose: Array, description: Description,
                 if key in files:
                     raise ValueError(f"{key}: only depth images have {what}")
             with budget.hold_cloud(path, seen.numbers):
-                return seen.make_view(pose)
+                return seen.make_view(pose, stamp)
         scale = None
         if seen.dtype == np.uint16:
             if description.depth_scale is None:
@@ -356,7 +373,9 @@ def _load_view(files: Mapping[str, Path], pose: Array, description: Description,
             raise ValueError("a depth image needs a [camera] table with fx, fy, cx, cy")
         with budget.hold_view(path, seen.size):
             images = read_images(files, seen.shape, budget)
-            return View.from_depth(seen, description.intrinsics, pose, depth_scale=scale, **images)
+            return View.from_depth(
+                seen, description.intrinsics, pose, depth_scale=scale, stamp=stamp, **images
+            )
     except FileFormatError:  # names the image already
         raise
     except (TypeError, ValueError) as error:

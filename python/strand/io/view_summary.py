@@ -40,6 +40,8 @@ class ViewSummary:
         Number of labels in the mask, without 0; None without a mask.
     points_in_mask : int or None
         Pixels with a depth inside the mask; None without a mask.
+    stamp : float or None
+        When the view was taken, seconds; None if not known.
     """
 
     kind: str
@@ -53,6 +55,7 @@ class ViewSummary:
     colors: bool
     labels: int | None = None
     points_in_mask: int | None = None
+    stamp: float | None = None
 
 
 def summarize_view(view: View, no_return: int | None = None) -> ViewSummary:
@@ -71,6 +74,7 @@ def summarize_view(view: View, no_return: int | None = None) -> ViewSummary:
             np.array([points.min(axis=0), points.max(axis=0)]) if len(points) else None,
             None,
             view.colors is not None,
+            stamp=view.stamp,
         )
     depth, labels = image.depth, image.labels
     returned = depth > 0.0
@@ -89,4 +93,5 @@ def summarize_view(view: View, no_return: int | None = None) -> ViewSummary:
         view.colors is not None,
         None if labels is None else len(np.setdiff1d(labels, [0])),
         None if labels is None else int(np.count_nonzero(returned & image.mask)),
+        view.stamp,
     )

@@ -69,6 +69,8 @@ class SyntheticScene:
         The ropes' pixels, as in `View.from_depth`; None without masks.
     radii : tuple of float
         The radius of each rope, metres.
+    stamps : tuple of float, or None
+        When each image was taken, seconds.
     """
 
     name: str
@@ -83,6 +85,7 @@ class SyntheticScene:
     noise: float
     mask: NDArray[np.bool_] | NDArray[np.integer[Any]] | None = None
     radii: tuple[float, ...] = ()
+    stamps: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         if not self.radii:
@@ -91,10 +94,14 @@ class SyntheticScene:
     @property
     def views(self) -> tuple[View, ...]:
         """The images as views, with `poses`."""
-        masks = [None] * len(self.depth) if self.mask is None else self.mask
+        nothing = [None] * len(self.depth)
+        masks = nothing if self.mask is None else self.mask
+        stamps = nothing if self.stamps is None else self.stamps
         return tuple(
-            View.from_depth(image, self.intrinsics, pose, depth_scale=self.depth_scale, mask=mask)
-            for image, pose, mask in zip(self.depth, self.poses, masks, strict=True)
+            View.from_depth(
+                image, self.intrinsics, pose, depth_scale=self.depth_scale, mask=mask, stamp=stamp
+            )
+            for image, pose, mask, stamp in zip(self.depth, self.poses, masks, stamps, strict=True)
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -128,6 +135,8 @@ class SyntheticScene:
             arrays[f"truth_{i}"] = nodes.astype(np.float32)
         if self.mask is not None:
             arrays["mask"] = self.mask
+        if self.stamps is not None:
+            arrays["stamps"] = np.array(self.stamps)
         if len(set(self.radii)) > 1:
             arrays["radii"] = np.array(self.radii)
         content = BytesIO()

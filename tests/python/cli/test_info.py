@@ -6,6 +6,7 @@ import json
 import shlex
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,16 @@ def test_a_scene(folder, capsys):
         "  radius      4.2 mm, from the scene",
         "  poses       those of the scene, then refined by aligning the views",
     ]
+
+
+def test_stamps_of_a_scene_and_of_its_model(folder, capsys):
+    replace(SCENE, stamps=(12.5, 12.525, 12.51)).save("arc.npz")
+    assert "  stamps      12.500 s to 12.525 s" in lines_of(capsys, "arc.npz")
+    assert main(["info", "--json", "arc.npz"]) == 0
+    holds = json.loads(capsys.readouterr().out)["holds"]
+    assert [view["stamp"] for view in holds["views"]] == [12.5, 12.525, 12.51]
+    strand.Model([strand.Chain(POINTS, 0.004)], SCENE.poses, stamp=12.525).save("late.json")
+    assert "  stamps      12.525 s" in lines_of(capsys, "late.json")
 
 
 def test_single_files_say_which_options_they_need(folder, capsys):

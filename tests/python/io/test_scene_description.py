@@ -55,15 +55,16 @@ def test_description_in_full(tmp_path):
         + "[extract]\nlow = [-1, -2.5, -inf]\nhigh = [1, 2, inf]\n"
         + "[turntable]\nangles_deg = [-140, 0, 90]\norigin = [0.4, 0, 0.45]\n"
         + "center = [0, 0.1, 0]\naxis = [0, 0, 2]\n"
-        + f'[[view]]\nfile = "a.png"\n{IDENTITY}'
-        + '[[view]]\nfile = "b.ply"\nangles_deg = [10, 20.5, -30]\norigin = [1, 2, 3]\n'
-        + '[[view]]\nfile = "c.npy"\nturntable_deg = 30\n'
+        + f'[[view]]\nfile = "a.png"\nstamp = 1\n{IDENTITY}'
+        + '[[view]]\nfile = "b.ply"\nstamp = 12.5\nangles_deg = [10, 20.5, -30]\norigin = [1, 2, 3]\n'
+        + '[[view]]\nfile = "c.npy"\nturntable_deg = 30\nstamp = -2\n'
     )
     for path in (tmp_path, tmp_path / "scene.toml"):
         scene = load_scene(path)
         assert (scene.name, scene.radius, scene.truth) == ("knot", 0.0042, ())
         np.testing.assert_array_equal(scene.bounds, [[-1, -2.5, -np.inf], [1, 2, np.inf]])
         image, cloud, turned = scene.views
+        assert [view.stamp for view in scene.views] == [1.0, 12.5, -2.0]
         np.testing.assert_array_equal(image.points, View.from_depth(DEPTH * 0.001, K).points)
         np.testing.assert_array_equal(cloud.points, POINTS)
         pose = pose_from_angles(*np.radians([10, 20.5, -30]), np.array([1.0, 2, 3]))
@@ -122,6 +123,9 @@ def test_turntable_may_give_its_pose_as_a_matrix(tmp_path):
         ("", "pose = [[1, 0], [0]]", r"view 0\.pose: expected a list of numbers"),
         ("", IDENTITY.replace("[1,", "[2,"), r"view 0\.pose: expected a rigid motion"),
         ("", IDENTITY + "poes = 3", "view 0: unknown key poes"),
+        ("", IDENTITY + "stamp = 1e18", r"view 0\.stamp: expected seconds, got 1e\+18, as large as nanosec"),
+        ("", IDENTITY + "stamp = nan", r"view 0\.stamp: expected a finite number"),
+        ("", IDENTITY + "stamp = '12 s'", r"view 0\.stamp: expected a number, got str"),
     ],
 )
 def test_description_with_wrong_content(tmp_path, head, view, message):

@@ -78,6 +78,10 @@ def test_npz_damaged(tmp_path):
         ({"box": np.array([[1.0, 1, 1], [0, 0, 0]])}, "bounds: expected low < high"),
         ({"truth_0": np.zeros((4, 2))}, "truth_0: expected shape"),
         ({"K": np.array([None])}, "pickle"),
+        ({"stamps": np.zeros(3)}, r"stamps: expected \(2,\), got \(3,\)"),
+        ({"stamps": np.array([0.0, np.nan])}, "stamps: expected finite numbers"),
+        ({"stamps": np.array([0, 10**18])}, r"stamps\[1\]: expected seconds, got .* as large as nanoseconds"),
+        ({"stamps": np.array(["a", "b"])}, "stamps: expected numbers"),
         ({"mask": LABELS}, r"mask: expected \(2, 6, 8\) of bools or whole numbers, got \(6, 8\) uint8"),
         ({"mask": np.ones((2, 6, 8))}, r"mask: expected .* got \(2, 6, 8\) float64"),
         ({"mask": np.full((2, 6, 8), -1)}, "mask: expected labels from 0"),
@@ -87,6 +91,13 @@ def test_npz_with_wrong_content(tmp_path, changes, message):
     save_npz(tmp_path / "a.npz", **changes)
     with pytest.raises(FileFormatError, match=rf"a\.npz: .*{message}"):
         load_scene(tmp_path / "a.npz")
+
+
+def test_npz_with_stamps(tmp_path):
+    save_npz(tmp_path / "a.npz")
+    assert [view.stamp for view in load_scene(tmp_path / "a.npz").views] == [None, None]
+    save_npz(tmp_path / "a.npz", stamps=np.array([1732715999.5, 12]))
+    assert [view.stamp for view in load_scene(tmp_path / "a.npz").views] == [1732715999.5, 12.0]
 
 
 def test_stored_scene(data):
