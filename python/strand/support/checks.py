@@ -253,7 +253,7 @@ def _inspect(name: str, value: Any, depth: int) -> bool:
             )
         if type(value) is not np.ndarray and (hasattr(value, "unit") or hasattr(value, "units")):
             raise TypeError(f"{name}: expected plain numbers in SI units, got {type(value).__name__}")
-        return value.dtype == np.bool_
+        return bool(value.dtype == np.bool_)
     if not isinstance(value, (list, tuple)) or depth == 0:
         return False
     kinds = set(map(type, value))
