@@ -20,6 +20,7 @@ PAGES = {
     "README.md": "index.md",
     "examples/README.md": "examples.md",
     "packaging/README.md": "wheels.md",
+    "ros/README.md": "ros.md",
 } | {
     f"{name.upper()}.md": f"{name}.md"
     for name in ("architecture", "changelog", "contributing", "releasing", "security")

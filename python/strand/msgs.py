@@ -8,13 +8,17 @@ from __future__ import annotations
 
 import colorsys
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from strand.io.budget import Budget
 from strand.io.recordings.camera_info import read_calibration
+from strand.io.recordings.color_messages import decode_color_message
 from strand.io.recordings.message_views import make_view
+from strand.io.recordings.transforms import make_motions, read_motion
 from strand.ropes.chain import Chain
 from strand.ropes.model import Model
 from strand.support.checks import (
@@ -23,6 +27,7 @@ from strand.support.checks import (
     check_colors,
     check_finite_array,
     check_integer,
+    check_positive,
     check_text,
 )
 from strand.support.stamps import SECOND, count_nanoseconds
@@ -243,6 +248,9 @@ def read_view(
     rectified: bool = False,
     depth_scale: float | None = None,
     ignore_distortion: bool = False,
+    color: Any = None,
+    mask: Any = None,
+    occluders: Any = None,
 ) -> View:
     """Return the view of a sensor_msgs/Image, CompressedImage or PointCloud2 from rclpy, rospy or rosbags.
 
@@ -261,6 +269,11 @@ def read_view(
         Metres per unit of 16-bit images; millimetres by default.
     ignore_distortion : bool
         Whether to use images of lenses with distortion as they are; by default, they raise an error.
+    color : object, optional
+        An Image or CompressedImage of the depth image's pixels, with their colours.
+    mask, occluders : object, optional
+        Images of the depth image's pixels, as in `View.from_depth`: mono8, 8UC1, mono16 or 16UC1. Pixels of
+        0 and 255 alone mean False and True; else they are labels.
 
     Returns
     -------
@@ -271,22 +284,84 @@ def read_view(
     ------
     TypeError, ValueError
         If the message has no depth or points, its sizes do not match, its CameraInfo is missing, of another
-        image size or with distortion, or an argument is of the wrong type.
+        image size or with distortion, or an argument is of the wrong type. Also if colours or masks are not
+        of the depth image's size.
+    FileFormatError
+        If a compressed image is damaged.
     ImportError
-        If the message is compressed and Pillow is not installed.
+        If a message is compressed and Pillow is not installed.
     """
     if not any(all(hasattr(message, name) for name in names) for names in _DEPTH_MESSAGES.values()):
         known = ", ".join(_DEPTH_MESSAGES)
         raise TypeError(f"message: expected one of sensor_msgs ({known}), got {type(message).__name__}")
     check_bool("rectified", rectified)
     check_bool("ignore_distortion", ignore_distortion)
+    scale = None if depth_scale is None else check_positive("depth_scale", depth_scale)
     camera = None
     if camera_info is not None:
         matrices = all(hasattr(camera_info, name) or hasattr(camera_info, name.upper()) for name in "kdp")
         if not (matrices and hasattr(camera_info, "height") and hasattr(camera_info, "width")):
             raise TypeError(f"camera_info: expected a CameraInfo, got {type(camera_info).__name__}")
         camera = read_calibration(camera_info, rectified=rectified, ignore_distortion=ignore_distortion)
-    return make_view(message, camera, pose, depth_scale, stamp=_read_stamp(message))
+    masks = {name: one for name, one in (("mask", mask), ("occluders", occluders)) if one is not None}
+    for name, one in masks.items():
+        _check_image(name, one, ("Image",))
+    if color is not None:
+        _check_image("color", color, ("Image", "CompressedImage"))
+    if hasattr(message, "point_step") and (masks or color is not None):
+        raise ValueError("color, mask, occluders: expected a depth image along with them, got points")
+
+    def find_colors(depth: Array, _: Array, budget: Budget) -> NDArray[np.uint8]:
+        found = decode_color_message(color, budget)
+        if found.shape[:2] != depth.shape:
+            sizes = [f"{shape[1]} x {shape[0]}" for shape in (depth.shape, found.shape)]
+            raise ValueError(f"color: expected the depth image's {sizes[0]} pixels, got {sizes[1]}")
+        return found
+
+    colors, stamp = None if color is None else find_colors, _read_stamp(message)
+    return make_view(message, camera, pose, scale, find_colors=colors, stamp=stamp, masks=masks)
+
+
+def read_pose(message: Any) -> Array:
+    """Return the pose in a geometry_msgs/TransformStamped, Transform, PoseStamped or Pose.
+
+    Parameters
+    ----------
+    message : object
+        An object with the message's attributes, such as what TF's `lookup_transform(world, camera, stamp)`
+        returns.
+
+    Returns
+    -------
+    (4, 4) ndarray
+        For TF's answer, the camera-to-world rigid motion that `read_view` takes.
+
+    Raises
+    ------
+    TypeError
+        If it is another message.
+    ValueError
+        If its translation is not finite or beyond a million kilometres, or its quaternion has no unit norm.
+    """
+    inner = getattr(message, "transform", getattr(message, "pose", message))
+    for names in (("translation", "rotation"), ("position", "orientation")):
+        fields = [getattr(inner, name, None) for name in names]
+        if all(
+            all(isinstance(getattr(field, axis, None), (int, float)) for axis in axes)
+            for field, axes in zip(fields, ("xyz", "xyzw"), strict=True)
+        ):
+            motions = make_motions(np.array([read_motion("message", *fields)]))
+            return np.asarray(motions[0])
+    raise TypeError(
+        "message: expected a geometry_msgs/TransformStamped, Transform, PoseStamped or Pose, "
+        f"got {type(message).__name__}"
+    )
+
+
+def _check_image(name: str, message: Any, kinds: Sequence[str]) -> None:
+    if not any(all(hasattr(message, field) for field in _DEPTH_MESSAGES[kind]) for kind in kinds):
+        known = " or ".join(kinds)
+        raise TypeError(f"{name}: expected a sensor_msgs/{known}, got {type(message).__name__}")
 
 
 def _choose_stamp(model: Model, stamp: int | None) -> int:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import strand
+from lib import ros_messages
 from lib.bag_files import STORES, Messages
+from lib.ros_messages import fill_message
 from shared.ropes import draw_circle
 from strand import msgs
 
@@ -20,33 +23,9 @@ CHAIN = strand.Chain(NODES, 0.004)
 MODEL = strand.Model((CHAIN, draw_circle(0.05, 40, True)), np.eye(4)[None], confidence=0.5)
 
 
-def fill_message(kind, values):
-    """Return a message filled from a dictionary; missing fields keep their defaults."""
-    names = dict(STORE.fielddefs[kind][1])
-    assert set(values) <= set(names), kind
-    return STORE.types[kind](**{name: fill_field(names[name], values.get(name)) for name in names})
-
-
-def fill_field(description, value):
-    node, of = description
-    kind = node.name
-    if kind == "NAME":
-        return fill_message(of, value or {})
-    if kind == "BASE":
-        plain = {"string": "", "bool": False}.get(of[0], 0.0 if "float" in of[0] else 0)
-        return plain if value is None else value
-    inner = of[0]
-    if inner[0].name == "NAME":
-        return [fill_message(inner[1], one) for one in value or []]
-    if inner[1][0] == "string":
-        return value or []
-    number = np.dtype({"byte": "u1", "octet": "u1"}.get(inner[1][0], inner[1][0]))
-    return np.frombuffer(value or b"", dtype=number)
-
-
 def send(kind, values):
     """Return a message as another program receives it."""
-    return STORE.deserialize_cdr(STORE.serialize_cdr(fill_message(kind, values), kind), kind)
+    return ros_messages.send(fill_message(kind, values))
 
 
 def test_a_path_has_a_pose_at_each_node():
@@ -143,6 +122,59 @@ def test_views_of_messages():
         msgs.read_view(msgs.make_point_cloud2(np.zeros((1, 3)), "world"))
     with pytest.raises(TypeError, match="camera_info: expected a CameraInfo, got ndarray"):
         msgs.read_view(image, scene.intrinsics)
+
+
+def test_views_of_messages_with_colours_and_masks():
+    scene = strand.synthetic.color_scene("two ropes", seed=2)
+    made, depth, colors = Messages(), scene.scene.depth[0], scene.color[0]
+    image, info = made.image(depth, STAMP), made.info(scene.scene.intrinsics, depth.shape, STAMP)
+    labels = np.arange(depth.size, dtype=np.uint16).reshape(depth.shape) % 3
+    white = np.where(labels == 1, 255, 0).astype(np.uint16)
+    want = strand.View.from_depth(
+        depth, scene.scene.intrinsics, None, colors, depth_scale=0.001, mask=labels, occluders=labels == 1
+    )
+    got = msgs.read_view(
+        image,
+        info,
+        color=made.color(colors, STAMP, encoding="bgra8"),
+        mask=made.image(labels, STAMP),
+        occluders=made.image(white.astype(np.uint8), STAMP, encoding="mono8"),
+    )
+    np.testing.assert_array_equal(got.points, want.points)
+    np.testing.assert_array_equal(got.colors, want.colors)
+    np.testing.assert_array_equal(got.image.labels, want.image.labels)
+    np.testing.assert_array_equal(got.image.occluders, want.image.occluders)
+    black_and_white = msgs.read_view(image, info, mask=made.image(white, STAMP, encoding="mono16"))
+    np.testing.assert_array_equal(black_and_white.image.labels, labels == 1)
+    for changed, error in (
+        ({"color": made.color(colors[:9, :7], 0)}, "color: expected the depth image's .* got 7 x 9"),
+        ({"mask": made.image(labels[:9, :7], 0)}, "mask: expected the depth image's .* pixels, got 7 x 9"),
+        ({"mask": made.color(colors, 0)}, "mask: expected an Image of mono8, .* got 'rgb8'"),
+        ({"color": image}, "encoding: expected colours"),
+    ):
+        with pytest.raises(ValueError, match=error):
+            msgs.read_view(image, info, **changed)
+    with pytest.raises(TypeError, match="occluders: expected a sensor_msgs/Image, got ndarray"):
+        msgs.read_view(image, info, occluders=labels)
+    with pytest.raises(ValueError, match="expected a depth image along with them, got points"):
+        msgs.read_view(SimpleNamespace(**msgs.make_point_cloud2(NODES, "a")), mask=made.image(labels, 0))
+
+
+def test_poses_of_messages():
+    want = np.eye(4)
+    want[:3, :3] = Rotation.from_rotvec([0.3, -2.0, 0.9]).as_matrix()
+    want[:3, 3] = [1.0, -2.0, 3.0]
+    (stamped,) = Messages().tf([("world", "camera", want)], STAMP).transforms
+    for message in (stamped, stamped.transform):
+        np.testing.assert_allclose(msgs.read_pose(message), want, atol=1e-12)
+    pose = msgs.make_path(CHAIN, "world")["poses"][2]["pose"]
+    read = msgs.read_pose(fill_message("geometry_msgs/msg/Pose", pose))
+    np.testing.assert_allclose(read[:3, 0], CHAIN.tangents[2], atol=1e-12)
+    np.testing.assert_array_equal(read[:3, 3], NODES[2])
+    with pytest.raises(ValueError, match="message: expected a translation in metres and a unit quaternion"):
+        msgs.read_pose(fill_message("geometry_msgs/msg/Pose", {}))
+    with pytest.raises(TypeError, match=r"message: expected a geometry_msgs/TransformStamped, .*Time"):
+        msgs.read_pose(stamped.header.stamp)
 
 
 def test_a_planning_scene_has_a_cylinder_and_spheres_for_each_capsule():

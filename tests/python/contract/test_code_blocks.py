@@ -24,8 +24,8 @@ from shared.scene_files import make_ply
 from strand.report import rerun_view
 from strand.support.files import read_toml
 
-# headings of blocks that need a camera's library or ROS: test_recipes.py runs them with stand-ins
-WITH_LIBRARIES = {"docs/recordings.md": frozenset({"RealSense", "Orbbec", "ZED", "A ROS 2 node"})}
+# headings of blocks that need a camera's library: test_recipes.py runs them with stand-ins
+WITH_LIBRARIES = {"docs/recordings.md": frozenset({"RealSense", "Orbbec", "ZED"})}
 RUN = (ROOT / "run").read_text(encoding="utf-8")
 PROJECT = read_toml(ROOT / "pyproject.toml")["project"]
 CARGO = read_toml(ROOT / "Cargo.toml")

@@ -20,7 +20,7 @@ PROJECT = read_toml(ROOT / "pyproject.toml")["project"]
 VERSION = read_toml(ROOT / "Cargo.toml")["package"]["version"]
 NAME = PROJECT["name"]
 KINDS = ("*.md", "*.py", "*.toml", "*.yml", "*.yaml", "*.sh", "*.txt")
-ROOMS = ("python", "tests", "benches", "docs", "examples", "packaging", ".github")
+ROOMS = ("python", "tests", "benches", "docs", "examples", "packaging", "ros", ".github")
 # places that change with the name: requirements, names of wheels, metadata of the installed package
 CARRIES = r"""(?x) \b{0}\[[a-z,]+\] | \b{0}-\S*\.(whl|tar)
     | pip3?\s+install\s([^`\n]*['"\s])?{0}(['"\s=<>`]|$)

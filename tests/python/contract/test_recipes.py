@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import strand
-from lib.bag_files import START, Messages, convert_to_millimeters
+from lib.bag_files import convert_to_millimeters
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "recordings.md").read_text(encoding="utf-8")
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)
@@ -119,32 +119,3 @@ def test_zed(monkeypatch):
         "ERROR_CODE": SimpleNamespace(SUCCESS=0),
     }
     check_model(run_recipe(monkeypatch, "ZED", pyzed={}, pyzed__sl=sl)["model"])
-
-
-def test_a_ros_2_node(monkeypatch):
-    made, sent, subscribed = Messages(), [], {}
-    node = MagicMock()
-    node.create_publisher.return_value.publish = sent.append
-    node.create_subscription = lambda kind, topic, call, depth: subscribed.update({topic: call})
-
-    def spin(_):
-        image = made.image(SEEN, START, "camera")
-        subscribed["depth"](image)  # before there is a CameraInfo
-        subscribed["camera_info"](made.info(K, SEEN.shape, START))
-        subscribed["depth"](image)
-        raise KeyboardInterrupt
-
-    run_recipe(
-        monkeypatch,
-        "A ROS 2 node",
-        rclpy={"init": lambda: None, "create_node": lambda _: node, "spin": spin},
-        rosidl_runtime_py={"set_message_fields": lambda message, values: message.update(values)},
-        sensor_msgs={},
-        sensor_msgs__msg={"CameraInfo": dict, "Image": dict},
-        visualization_msgs={},
-        visualization_msgs__msg={"MarkerArray": dict},
-    )
-    (message,) = sent
-    _, line, _ = message["markers"]
-    assert line["header"] == {"stamp": {"sec": START // 10**9, "nanosec": 0}, "frame_id": "camera"}
-    check_model(SimpleNamespace(chains=[SimpleNamespace(points=[list(p.values()) for p in line["points"]])]))

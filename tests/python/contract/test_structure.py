@@ -306,7 +306,7 @@ def check_root() -> list[str]:
 
 def list_sources() -> list[Path]:
     folders = [
-        ROOT / name for name in ("python", "rust", "tests", "benches", "docs", "examples", "packaging")
+        ROOT / name for name in ("python", "rust", "tests", "benches", "docs", "examples", "packaging", "ros")
     ]
     return [path for folder in folders for kind in ("py", "pyi", "rs") for path in folder.rglob(f"*.{kind}")]
 

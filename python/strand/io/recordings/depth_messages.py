@@ -30,18 +30,23 @@ def decode_image(message: Any) -> NDArray[Any]:
     if message.encoding not in TYPES:
         known = ", ".join(TYPES)
         raise ValueError(f"encoding: expected depth ({known}), got {message.encoding[:40]!r}")
-    kind = np.dtype((">" if message.is_bigendian else "<") + TYPES[message.encoding])
+    return read_pixels(message, TYPES[message.encoding])
+
+
+def read_pixels(message: Any, kind: str) -> NDArray[Any]:
+    """Return the (H, W) numbers of an Image with one channel, whose pixels are of NumPy's type `kind`."""
+    number = np.dtype((">" if message.is_bigendian else "<") + kind)
     height, width, step = int(message.height), int(message.width), int(message.step)
     data = np.frombuffer(message.data, dtype=np.uint8)
     if height < 1 or width < 1:
         raise ValueError(f"width, height: expected pixels, got {width} x {height}")
-    if step < width * kind.itemsize or len(data) < step * (height - 1) + width * kind.itemsize:
+    if step < width * number.itemsize or len(data) < step * (height - 1) + width * number.itemsize:
         raise ValueError(
             f"data: {width} x {height} pixels of {message.encoding} with rows of {step} bytes do not fit "
             f"in {len(data)} bytes"
         )
-    rows = np.lib.stride_tricks.as_strided(data, (height, width * kind.itemsize), (step, 1))
-    return np.ascontiguousarray(rows).view(kind).astype(kind.newbyteorder("="), copy=False)
+    rows = np.lib.stride_tricks.as_strided(data, (height, width * number.itemsize), (step, 1))
+    return np.ascontiguousarray(rows).view(number).astype(number.newbyteorder("="), copy=False)
 
 
 def find_size(message: Any) -> tuple[int, int]:

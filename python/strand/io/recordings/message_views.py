@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from strand.io.recordings.depth_messages import (
     decode_image,
     find_size,
 )
+from strand.io.recordings.mask_messages import decode_mask_message
 from strand.io.recordings.point_messages import decode_points
 from strand.support.checks import Array
 from strand.views.view import View
@@ -36,12 +37,13 @@ def make_view(
     budget: Budget | None = None,
     find_colors: FindColors | None = None,
     stamp: float | None = None,
+    masks: Mapping[str, Any] | None = None,
 ) -> View:
     """Make a view from an Image, CompressedImage or PointCloud2; raise ValueError if it is unsuitable.
 
     An image that declares another size than its CameraInfo, or more than fits in the budget, is not decoded.
     `find_colors` returns the colours of a depth image's pixels, for its depths, metres, its pinhole matrix
-    and the budget. `stamp` is the view's, seconds.
+    and the budget. `stamp` is the view's, seconds. `masks` has the messages of its "mask" and "occluders".
     """
     budget = Budget(MAX_BYTES) if budget is None else budget
     if hasattr(message, "point_step"):
@@ -69,7 +71,10 @@ def make_view(
             with budget.hold("data", _METRES * pixels):
                 metres = depth.astype(np.float64) * (1.0 if depth_scale is None else depth_scale)
                 colors = find_colors(metres, camera.matrix, budget)
-        return View.from_depth(depth, camera.matrix, pose, colors, depth_scale=depth_scale, stamp=stamp)
+        labels = {name: decode_mask_message(name, one, size) for name, one in (masks or {}).items()}
+        return View.from_depth(
+            depth, camera.matrix, pose, colors, depth_scale=depth_scale, stamp=stamp, **labels
+        )
 
 
 def _make_cloud(message: Any, pose: ArrayLike | None, budget: Budget, stamp: float | None) -> View:

@@ -103,7 +103,7 @@ class _Path:
             afters += edge.values[_NUMBERS * after : _NUMBERS * (after + 1)]
             parts.append(part)
         one, other = (np.array(values).reshape(-1, _NUMBERS) for values in (befores, afters))
-        motions = _make_motions(_interpolate(one, other, np.array(parts)[:, None]))
+        motions = make_motions(_interpolate(one, other, np.array(parts)[:, None]))
         motions[: self._inverted] = _invert(motions[: self._inverted])
         while len(motions) > 1:  # neighbours are multiplied, until one motion is left
             alone = motions[len(motions) & ~1 :]
@@ -146,12 +146,7 @@ class Transforms:
             edge = self._edges[child]
             if edge.parent != parent:
                 raise ValueError(f"frame {child!r}: expected one parent, got {edge.parent!r} and {parent!r}")
-            t, q = one.transform.translation, one.transform.rotation
-            place, turn = [float(v) for v in (t.x, t.y, t.z)], [float(v) for v in (q.x, q.y, q.z, q.w)]
-            norm = math.hypot(*turn)
-            near = all(abs(v) < _MAX_TRANSLATION for v in place)
-            if not (near and 1.0 - _MAX_NORM_ERROR < norm < 1.0 + _MAX_NORM_ERROR):
-                raise ValueError(f"frame {child!r}: expected a translation in metres and a unit quaternion")
+            motion = read_motion(f"frame {child!r}", one.transform.translation, one.transform.rotation)
             if static:
                 self._size -= _TRANSFORM * len(edge.times)
                 del edge.times[:], edge.values[:]
@@ -159,7 +154,7 @@ class Transforms:
             time = read_stamp(one.header)
             edge.ordered &= not edge.times or edge.times[-1] <= time
             edge.times.append(time)
-            edge.values.extend([*place, *(v / norm for v in turn)])
+            edge.values.extend(motion)
 
     def _take(self, size: int) -> None:
         self._size += size
@@ -220,6 +215,17 @@ def strip_slash(name: str) -> str:
     return name.removeprefix("/")
 
 
+def read_motion(name: str, translation: Any, rotation: Any) -> list[float]:
+    """Return the translation, metres, and the unit quaternion x, y, z, w of a message's fields."""
+    place = [float(getattr(translation, axis)) for axis in "xyz"]
+    turn = [float(getattr(rotation, axis)) for axis in "xyzw"]
+    norm = math.hypot(*turn)
+    near = all(abs(v) < _MAX_TRANSLATION for v in place)
+    if not (near and 1.0 - _MAX_NORM_ERROR < norm < 1.0 + _MAX_NORM_ERROR):
+        raise ValueError(f"{name}: expected a translation in metres and a unit quaternion")
+    return [*place, *(v / norm for v in turn)]
+
+
 def read_stamp(header: Any) -> int:
     """Return the time of a message's header, nanoseconds since 1970."""
     return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
@@ -240,7 +246,7 @@ def _interpolate(one: Array, other: Array, parts: Array) -> Array:
     return np.hstack([(1.0 - parts) * one[:, :3] + parts * other[:, :3], turns])
 
 
-def _make_motions(values: Array) -> Array:
+def make_motions(values: Array) -> Array:
     """Return (N, 4, 4) motions of translations and unit quaternions x, y, z, w."""
     motions = np.zeros((len(values), 4, 4))
     x, y, z, w = values[:, 3:].T

@@ -230,6 +230,9 @@ def _list_messages() -> dict[str, Call]:
         ),
         "msgs.make_planning_scene": Call(msgs.make_planning_scene, {"model": MODEL, "error": 1e-3, **head}),
         "msgs.make_point_cloud2": Call(msgs.make_point_cloud2, {"points": CLOUD, **head, "colors": SHADES}),
+        "msgs.read_pose": Call(
+            msgs.read_pose, {"message": made.tf([("world", "camera", np.eye(4))], 7).transforms[0]}
+        ),
         "msgs.read_view": Call(
             msgs.read_view,
             {"message": make_cloud_message(), "pose": np.eye(4)},
@@ -239,6 +242,9 @@ def _list_messages() -> dict[str, Call]:
                 "depth_scale": 1e-3,
                 "rectified": False,
                 "ignore_distortion": False,
+                "color": made.color(np.zeros((*depth.shape, 3), np.uint8), 7),
+                "mask": made.image(depth, 7, encoding="16UC1"),
+                "occluders": made.image(depth, 7, encoding="16UC1"),
             },
         ),
     }

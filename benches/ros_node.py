@@ -1,0 +1,123 @@
+"""The ROS 2 node on recorded bags, with a stand-in for ROS: frames a second, latency, gaps in TF.
+
+python benches/ros_node.py [--kind KIND] [--seed SEED] [--frames N]
+
+A sequence of `strand.synthetic` is written as a bag by rosbags, read back, and given to the node at the
+times of its messages. `ms` is the processor time from a complete depth image to the values of its messages.
+Reconstructions beside the tracking are counted apart, per answer, and both in frames a second. What the
+stand-in for ROS does is not counted. In a gap, TF is silent after a third of the bag.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from statistics import median
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+import strand
+from lib.bag_files import START, Entry, write_bag
+from lib.results import make_parser, run_bench
+from lib.ros_bags import SECOND, read_bag, record_sequence
+from lib.ros_stub import run_node
+from lib.tables import print_head, print_row
+from lib.tracking_truth import Beside
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "ros" / "strand_ros"))
+from strand_ros.waiting import read_stamp
+
+WAYS = {
+    "track, masks": {"use_mask": True, "use_color": False},
+    "track, colours": {},
+    "reconstruct, masks": {"mode": "reconstruct", "use_mask": True, "use_color": False},
+}
+GAPS = (0.0, 0.1, 0.3, 1.0)  # s without TF
+DROPPED = ("tf", "queue", "late", "color", "mask", "skipped", "wrong image")
+RIGHT = 5.0  # radii: a rope that is nearer everywhere is right
+
+
+def silence_tf(entries: list[Entry], gap: float) -> Iterator[Entry]:
+    """Yield entries without TF for a while, after a third of the time."""
+    begun = START + (entries[-1][1] - START) // 3
+    for topic, at, message in entries:
+        if topic != "/tf" or not begun <= at < begun + gap * SECOND:
+            yield topic, at, message
+
+
+def run(entries: list[Entry], radius: float, parameters: dict[str, Any]) -> tuple[Any, list[float], float]:
+    """Run the node; return its bus, the processor time of each answer, and that beside, s."""
+    spent: list[float] = []
+    given = {"world_frame": "world", "radius": radius, "ropes": 1, "least_confidence": 0.0}
+    beside = Beside()
+    with run_node(**given, **parameters) as (bus, node):
+        node._follower._tracker._opinions._pool = beside
+        answer = node._follower.answer
+
+        def timed(frame: Any) -> Any:
+            begun, other = time.process_time(), beside.seconds
+            try:
+                return answer(frame)
+            finally:
+                spent.append(time.process_time() - begun - (beside.seconds - other))
+
+        with patch.object(node._follower, "answer", timed):
+            bus.play(entries)
+            bus.advance(bus.now + SECOND)
+    return bus, spent, beside.seconds
+
+
+def count_right(bus: Any, frames: list[Any], radius: float) -> int:
+    """Return the number of frames whose rope is right."""
+    truth = {START + round(frame.time * SECOND): frame for frame in frames}
+    right = 0
+    for message in bus.sent["ropes"]:
+        frame = truth[read_stamp(message)]
+        if len(message.ropes) == 1:
+            nodes = np.array([[p.x, p.y, p.z] for p in message.ropes[0].points])
+            right += strand.Chain(nodes, radius).nearest(frame.nodes[0]).distance.max() < RIGHT * radius
+    return right
+
+
+def main() -> int:
+    parser = make_parser(__doc__)
+    parser.add_argument("--kind", default="carry", choices=strand.synthetic.SEQUENCES)
+    parser.add_argument("--seed", type=int, default=71)
+    parser.add_argument("--frames", type=int, default=60)
+    arguments = parser.parse_args()
+    made = strand.synthetic.sequence(arguments.kind, arguments.seed, frames=arguments.frames, color=True)
+    frames, radius = list(made), float(made.radius)
+    with tempfile.TemporaryDirectory() as folder:
+        write_bag(Path(folder) / "film", "mcap", record_sequence(frames))
+        entries = list(read_bag(Path(folder) / "film"))
+    titles = ("answers", "right", "points", "ms: median, most", "beside / ms", "frames a second", "dropped")
+    print_head("node", "TF silent / s", *titles)
+    for way, parameters in WAYS.items():
+        for gap in GAPS if way == "track, masks" else GAPS[:1]:
+            bus, spent, beside = run(list(silence_tf(entries, gap)), radius, parameters)
+            (status,) = bus.sent["/diagnostics"][-1].status
+            values = {one.key: one.value for one in status.values}
+            dropped = {
+                kind: values[kind] for kind in ("tf", "queue", "late", "color", "mask") if kind in values
+            }
+            print_row(
+                way,
+                gap,
+                f"{len(bus.sent['ropes'])} of {len(frames)}",
+                count_right(bus, frames, radius),
+                len(bus.sent["points"]),
+                f"{1e3 * median(spent):.1f}, {1e3 * max(spent):.0f}",
+                f"{1e3 * beside / len(spent):.1f}",
+                f"{len(spent) / (sum(spent) + beside):.0f}",
+                ", ".join(dropped) or "none",
+            )
+    return 0
+
+
+if __name__ == "__main__":
+    run_bench(main)

@@ -1,0 +1,1 @@
+"""The ROS 2 node of strand: depth images of a camera to ordered ropes."""

@@ -1,0 +1,311 @@
+"""The node runs on a recorded bag, with a stand-in for ROS; gaps, jumps and broken input are survived."""
+
+from __future__ import annotations
+
+import dataclasses
+from itertools import chain
+
+import numpy as np
+import pytest
+
+import strand
+from lib.bag_files import START, Messages, write_bag
+from lib.ros_bags import SECOND, read_bag, record_sequence
+from lib.ros_messages import STORE
+from lib.ros_stub import read_points, run_node
+
+ROPE = STORE.types["strand_msgs/msg/Rope"]
+MASKED = {"use_mask": True, "use_color": False, "ropes": 1}
+MADE = Messages()
+
+
+def change(entries, topic, **fields):
+    """Return entries with other fields in the messages of a topic, or without it."""
+    return [
+        (name, time, dataclasses.replace(message, **fields) if name == topic else message)
+        for name, time, message in entries
+        if name != topic or fields
+    ]
+
+
+def take(entries, first, last):
+    """Return the entries of some of the frames."""
+    times = sorted({time for _, time, _ in entries})[first:last]
+    return [entry for entry in entries if entry[1] in times]
+
+
+def find_kinds(bus):
+    """Return the kinds of trouble that the node logged."""
+    return {text.split(":")[0] for text in bus.said}
+
+
+def report(bus):
+    """Let time go on, and return the next status and its values."""
+    bus.advance(bus.now + SECOND)
+    (status,) = bus.sent["/diagnostics"][-1].status
+    return status, {one.key: one.value for one in status.values}
+
+
+def measure(rope, frame):
+    """Return the largest distance of the frame's nodes from the points of a rope message."""
+    points = np.array([[p.x, p.y, p.z] for p in rope.points])
+    return strand.Chain(points, 0.004).nearest(frame.nodes[0]).distance.max()
+
+
+@pytest.mark.parametrize("kind", ["mcap", "sqlite3"])
+@pytest.mark.parametrize("meters", [False, True])
+def test_a_recorded_bag_is_tracked(kind, meters, carried, radius, tmp_path):
+    path = write_bag(tmp_path / "film", kind, record_sequence(carried, meters=meters))
+    with run_node(world_frame="world", radius=radius, cloud_nodes=30, **MASKED) as (bus, _):
+        bus.play(read_bag(path.parent if path.is_file() else path))
+    assert bus.said == []
+    assert len(bus.sent["ropes"]) == len(bus.sent["markers"]) == len(carried)
+    for message, frame in zip(bus.sent["ropes"], carried, strict=True):
+        (rope,) = message.ropes
+        assert measure(rope, frame) < 5 * radius
+        assert message.header.frame_id == "world"
+        assert message.header.stamp.sec * SECOND + message.header.stamp.nanosec == START + round(
+            frame.time * SECOND
+        )
+    assert rope.state == ROPE.TRACKING
+    # as programs that consume other trackers' nodes read them: one rope, in order
+    cloud = bus.sent["points"][-1]
+    nodes = read_points(cloud)
+    assert len(nodes) == 30
+    assert (cloud.header.frame_id, cloud.header.stamp) == ("world", message.header.stamp)
+    ends = np.array([[p.x, p.y, p.z] for p in (rope.points[0], rope.points[-1])])
+    np.testing.assert_allclose(nodes[[0, -1]], ends, atol=1e-5)
+    steps = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
+    np.testing.assert_allclose(steps, rope.length / 29, rtol=0.05)
+
+
+def test_colours_replace_a_mask(colored, radius):
+    with run_node(world_frame="world", ropes=1) as (bus, _):
+        bus.play(record_sequence(colored, masks=False))
+    assert bus.said == []
+    assert measure(bus.sent["ropes"][-1].ropes[0], colored[-1]) < 5 * radius
+
+
+def test_a_named_colour_replaces_a_mask(colored, radius):
+    frame = colored[0]
+    entries = list(record_sequence([frame], masks=False))
+    color = np.median(frame.color[0][frame.labels[0] > 0], axis=0).astype(int).tolist()
+    with run_node(world_frame="world", mode="reconstruct", ropes=1, rope_color=color) as (bus, _):
+        bus.play(entries)
+    assert measure(bus.sent["ropes"][0].ropes[0], frame) < 5 * radius
+    with run_node(world_frame="world", mode="reconstruct", rope_color=[0, 255, 0]) as (bus, _):
+        bus.play(entries)
+    (message,) = bus.sent["ropes"]
+    assert message.ropes == []
+    assert message.warnings[0].text.startswith("no rope of the given colour")
+
+
+def test_each_image_is_reconstructed_in_the_order_of_the_one_before(carried, radius, entries):
+    known = {"radius": radius, "least_confidence": 0.0}
+    with run_node(world_frame="world", mode="reconstruct", **known, **MASKED) as (bus, _):
+        bus.play(take(entries, 0, 3))
+    assert bus.said == []
+    assert {message.ropes[0].state for message in bus.sent["ropes"]} == {ROPE.RECONSTRUCTED}
+    firsts = [message.ropes[0].points[0] for message in bus.sent["ropes"]]
+    assert np.ptp([[p.x, p.y, p.z] for p in firsts], axis=0).max() < 0.05
+    for message, cloud in zip(bus.sent["ropes"], bus.sent["points"], strict=True):
+        np.testing.assert_allclose(
+            read_points(cloud), [[p.x, p.y, p.z] for p in message.ropes[0].points], atol=1e-6
+        )
+    with run_node(
+        world_frame="world", mode="reconstruct", **(known | {"least_confidence": 1.0}), **MASKED
+    ) as (
+        bus,
+        _,
+    ):
+        bus.play(take(entries, 0, 1))
+    assert len(bus.sent["ropes"]) == 1
+    assert bus.sent["points"] == []
+
+
+def test_without_a_world_frame_the_camera_is_the_world(carried, radius, entries):
+    with run_node(radius=radius, **MASKED) as (bus, _):
+        bus.play(take(change(entries, "/tf"), 0, 3))
+    message = bus.sent["ropes"][-1]
+    assert message.header.frame_id == "camera"
+    assert message.ropes[0].points[0].z > 0.2
+
+
+def test_a_gap_in_tf_costs_its_frames_alone(carried, radius, entries):
+    times = sorted({time for _, time, _ in entries})
+    lost = times[4:7]
+    kept = [entry for entry in entries if entry[0] != "/tf" or entry[1] not in lost]
+    # TF goes on after the patience is over
+    late = [(topic, time + SECOND * (time > lost[-1]), message) for topic, time, message in kept]
+    late = [
+        (topic, time, restamp(message, SECOND) if time > times[-1] else message)
+        for topic, time, message in late
+    ]
+    with run_node(world_frame="world", radius=radius, **MASKED) as (bus, _):
+        bus.play(late)
+        _, values = report(bus)
+    assert find_kinds(bus) == {"tf"}
+    assert "does not reach the time of the image" in bus.said[0]
+    assert (values["tf"], values["answers"]) == ("3", str(len(times) - 3))
+    assert measure(bus.sent["ropes"][-1].ropes[0], carried[-1]) < 5 * radius
+
+
+def restamp(message, later):
+    """Return a message whose stamps are later, ns."""
+
+    def move(header):
+        total = header.stamp.sec * SECOND + header.stamp.nanosec + later
+        return MADE.header(header.frame_id, total)
+
+    if hasattr(message, "transforms"):
+        moved = [dataclasses.replace(one, header=move(one.header)) for one in message.transforms]
+        return dataclasses.replace(message, transforms=moved)
+    return dataclasses.replace(message, header=move(message.header))
+
+
+@pytest.mark.parametrize("tf", ["none", "empty", "other frames", "not a rotation"])
+def test_tf_that_gives_no_pose_is_named(tf, entries):
+    frames = take(entries, 0, 3)
+    if tf == "none":
+        frames = change(frames, "/tf")
+    elif tf == "empty":
+        frames = change(frames, "/tf", transforms=[])
+    elif tf == "other frames":
+        transforms = MADE.tf([("base", "hand", np.eye(4))], START).transforms
+        frames = change(frames, "/tf", transforms=transforms)
+    with run_node(world_frame="world", **MASKED) as (bus, node):
+        if tf == "not a rotation":
+            wrong = MADE.tf([("world", "camera", np.eye(4))], START).transforms[0]
+            wrong.transform.rotation.w = 0.5
+            node._buffer.lookup_transform = lambda *_: wrong
+        bus.play(frames)
+        status, values = report(bus)
+    assert status.level == 2
+    kind = "bad tf" if tf == "not a rotation" else "tf"
+    assert find_kinds(bus) == {kind}
+    assert values[kind] == "3"
+    assert bus.sent["ropes"] == []
+
+
+def test_a_bag_that_is_played_again_begins_anew(carried, radius, entries):
+    later = [(topic, time + 20 * SECOND, restamp(message, 20 * SECOND)) for topic, time, message in entries]
+    again = [(topic, time + 40 * SECOND, message) for topic, time, message in entries]
+    with run_node(world_frame="world", radius=radius, **MASKED) as (bus, _):
+        bus.play(chain(later, again))
+    # TF's buffer is cleared with the first image, after the first transform
+    assert find_kinds(bus) == {"jump", "tf"}
+    assert len(bus.sent["ropes"]) == 2 * len(carried) - 1
+    begun = [event.kind for message in bus.sent["ropes"] for event in message.events]
+    assert begun.count("begun") == 2
+    assert measure(bus.sent["ropes"][-1].ropes[0], carried[-1]) < 5 * radius
+
+
+def test_late_and_double_images_are_dropped(entries):
+    doubled = list(chain.from_iterable((entry, entry) for entry in take(entries, 0, 4)))
+    mixed = [*doubled, *[entry for entry in take(entries, 1, 2) if entry[0] == "depth/image"]]
+    with run_node(world_frame="world", **MASKED) as (bus, _):
+        bus.play(mixed)
+        _, values = report(bus)
+    assert (values["answers"], values["late"]) == ("4", "5")
+
+
+def test_another_camera_info_begins_anew(carried, entries):
+    matrix = carried[0].intrinsics * [[1.05], [1.05], [1.0]]
+    zoomed = MADE.info(matrix, carried[0].depth[0].shape, START)
+    changed = change(take(entries, 3, 6), "depth/camera_info", k=zoomed.k, p=zoomed.p)
+    with run_node(world_frame="world", **MASKED) as (bus, _):
+        bus.play([*take(entries, 0, 3), *changed])
+        _, values = report(bus)
+    assert find_kinds(bus) == {"calibration"}
+    assert values["answers"] == "6"
+    assert [event.kind for message in bus.sent["ropes"] for event in message.events] == ["begun", "begun"]
+
+
+@pytest.mark.parametrize(
+    ("topic", "fields", "error"),
+    [
+        ("depth/image", {"encoding": "rgb8"}, "encoding: expected depth"),
+        ("depth/image", {"height": 0}, "CameraInfo: expected one for images of 640 x 0 pixels"),
+        ("depth/image", {"data": np.zeros(9, np.uint8)}, "do not fit in 9 bytes"),
+        ("depth/camera_info", {"height": 48, "width": 64}, "got 64 x 48"),
+        ("depth/camera_info", {"k": np.zeros(9)}, "expected a pinhole matrix, got zeros"),
+        ("depth/camera_info", {"d": np.array([0.1, 0, 0, 0, 0])}, "expected no distortion"),
+        ("depth/camera_info", {"header": MADE.header("other", START)}, "camera_info: expected .* 'camera'"),
+        ("mask/image", {"encoding": "bgr8"}, "mask: expected an Image of mono8"),
+        ("mask/image", {"height": 9}, "mask: expected the depth image's"),
+        ("mask/image", {"header": MADE.header("", START)}, "mask: expected the depth image's frame 'camera'"),
+    ],
+)
+def test_wrong_images_are_named_and_the_next_are_used(topic, fields, error, entries):
+    wrong = change(take(entries, 0, 1), topic, **fields)
+    with run_node(world_frame="world", **MASKED) as (bus, _):
+        bus.play([*wrong, *take(entries, 1, 3)])
+        _, values = report(bus)
+    assert find_kinds(bus) - {"calibration"} == {"wrong image"}
+    assert values["wrong image"] == "1"
+    assert values["answers"] == "2"
+    with pytest.raises(AssertionError, match=error):
+        raise AssertionError(bus.said[0])
+
+
+@pytest.mark.parametrize("mode", ["track", "reconstruct"])
+@pytest.mark.parametrize("seen", ["no depth", "empty mask"])
+def test_a_first_image_without_a_rope_is_survived(mode, seen, carried, radius, entries):
+    first = take(entries, 0, 1)
+    depth = next(message for topic, _, message in first if topic == "depth/image")
+    if seen == "no depth":
+        nothing = np.full((depth.height, depth.width), np.nan, np.float32)
+        image = MADE.image(nothing, START)
+        first = change(
+            first, "depth/image", **{name: getattr(image, name) for name in ("encoding", "step", "data")}
+        )
+    else:
+        first = change(first, "mask/image", data=np.zeros(depth.height * depth.width, np.uint8))
+    known = {"radius": radius} | MASKED
+    with run_node(world_frame="world", mode=mode, **known) as (bus, _):
+        bus.play([*first, *take(entries, 1, 4)])
+        status, values = report(bus)
+    empty, *others = bus.sent["ropes"]
+    assert empty.ropes == []
+    assert empty.warnings[0].kind == "no rope"
+    assert empty.warnings[0].text
+    assert [len(message.ropes) for message in others] == [1, 1, 1]
+    assert (status.level, values["no rope"]) == (1, "1")
+
+
+def test_a_rope_that_leaves_is_lost_and_no_longer_shown(carried, radius, entries):
+    end = max(time for _, time, _ in entries)
+    frame = carried[0]
+    empty = np.where(frame.labels[0] > 0, 0, frame.depth[0])
+    depth = np.round(1e3 * frame.depth_scale * empty).astype(np.uint16)
+    bare = []
+    for i in range(1, 40):
+        time = end + i * SECOND // 30
+        bare += [
+            ("/tf", time, MADE.tf([("world", "camera", frame.poses[0])], time)),
+            ("mask/image", time, MADE.image(np.zeros(depth.shape, np.uint8), time, encoding="mono8")),
+            ("depth/image", time, MADE.image(depth, time)),
+        ]
+    with run_node(world_frame="world", radius=radius, **MASKED) as (bus, _):
+        bus.play([*entries, *bare])
+        shown = len(bus.sent["points"])
+        last = bus.sent["ropes"][-1]
+        _, values = report(bus)
+    assert last.ropes[0].state == ROPE.LOST
+    assert shown < len(bus.sent["ropes"])
+    assert len(bus.sent["markers"][-1].markers) == 1  # which deletes the others
+    assert "lost: rope 0" in bus.said[-1]
+    assert int(values["no rope"]) > 5
+
+
+def test_reports_say_whether_all_is_well(entries):
+    with run_node(world_frame="world", **MASKED) as (bus, _):
+        bus.play(take(entries, 0, 3))
+        well, values = report(bus)
+        silent, _ = report(bus)
+        response = bus.services["~/reset"](None, type("Response", (), {})())
+    assert (well.level, well.message) == (0, "3 answers")
+    assert (silent.level, silent.message) == (3, "no depth images")
+    assert values["answers"] == "3"
+    assert {"ms an answer, median", "ms since the image, most"} <= set(values)
+    assert response.success
