@@ -36,6 +36,7 @@ _IMAGE_BYTES = 700_000  # of all depth images together
 _MAX_IMAGES = 16  # depth images
 _MAX_ROWS = 100  # rows of a table
 _MAX_TEXT = 400  # characters of a cell
+_LONG_TEXT = 40  # characters: a longer text gets a wide cell on a narrow page
 _MAX_LENGTHS = 6  # chains whose length is in the summary
 _DOUBT_DISTANCE = 5.0  # radii from a chain: nearer doubts are listed with it
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
@@ -304,9 +305,14 @@ def format_table(
         return ""
     count = len(rows) if count is None else count
     lines = ["".join(f"<th>{escape_text(name)}</th>" for name in head)]
-    lines += ["".join(f"<td>{escape_text(text)}</td>" for text in row) for row in rows[:most]]
+    lines += ["".join(map(_make_cell, row)) for row in rows[:most]]
     more = f'<p class="note">and {count - most:,} more</p>' if count > most else ""
     return f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>{more}"
+
+
+def _make_cell(text: str) -> str:
+    wide = ' class="text"' if len(text) > _LONG_TEXT else ""
+    return f"<td{wide}>{escape_text(text)}</td>"
 
 
 def escape_text(text: str) -> str:

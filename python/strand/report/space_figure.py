@@ -115,6 +115,7 @@ def make_space_figure(
         "coloraxis": _make_color_axis("arc length / mm", [line.along for line in lines], "Viridis"),
         "legend": {"itemsizing": "constant", "groupclick": "togglegroup", "x": 1.0, "y": 0.94},
         "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
+        "meta": {"width": measure_width(subject, near)},
     }
     menus: list[list[tuple[str, str, list[Any]]]] = [
         [
@@ -382,6 +383,15 @@ def place_cameras(
     aside = towards + 0.7 * np.cross(up, towards)
     across = float(np.linalg.norm((high - low) / unit))
     return near, _make_camera(np.zeros(3), aside / np.linalg.norm(aside), 1.1 * across / _FIELD_HEIGHT, up)
+
+
+def measure_width(subject: Array, camera: dict[str, Any]) -> float:
+    """Return how wide plotly's camera sees the ropes, as a share of the extent that fits its view's height."""
+    eye, center, up = (np.array([camera[name][axis] for axis in "xyz"]) for name in ("eye", "center", "up"))
+    across = np.cross(up, eye - center)
+    low, high = subject.min(axis=0), subject.max(axis=0)
+    aside = np.abs((subject - (low + high) / 2) @ across).max() / max(np.linalg.norm(across), 1e-12)
+    return float(2.0 * aside / max(np.linalg.norm(high - low), 1e-12))
 
 
 def _make_camera(center: Array, towards: Array, distance: float, up: Array) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from strand.report.drawing import pick_spread
 from strand.report.drawn_chains import pick_color
 from strand.report.page import POLICY, dump_json, escape_text, format_table
 from strand.report.plotly_traces import Pen
-from strand.report.space_figure import make_scene, place_cameras
+from strand.report.space_figure import make_scene, measure_width, place_cameras
 from strand.report.tracks import Track, TrackedRope, check_tracks, name_rope
 from strand.support.checks import Array, check_path, check_text
 from strand.support.extras import import_extra
@@ -158,10 +158,12 @@ def _make_layout(nodes: Sequence[Array], up: Array) -> tuple[Pen, dict[str, Any]
     for axis, middle in near["center"].items():
         near["eye"][axis] = middle + _NEARER * (near["eye"][axis] - middle)
     near["up"] = dict(zip("xyz", up.tolist(), strict=True))
+    width = measure_width(places, near) / _NEARER
     return pen, {
         "scene": scene | {"camera": near},
         "legend": {"itemsizing": "constant", "groupclick": "togglegroup", "x": 1.0, "y": 0.94},
         "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
+        "meta": {"width": width},
     }
 
 

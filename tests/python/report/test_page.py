@@ -18,7 +18,7 @@ from PIL import Image
 import strand
 from shared.browser import start_chromium
 from shared.ropes import draw_circle, make_zigzags
-from strand.figures import write_report
+from strand.figures import write_report, write_track_report
 from strand.report import drawn_chains, page, space_figure
 from strand.ropes.crossings import NOT_LISTED
 from strand.ropes.doubt import Doubt, Join, ModelWarning
@@ -266,6 +266,36 @@ def test_names_and_buttons_leave_the_view_free_on_a_narrow_page(browser, table, 
     )
     assert legend >= bottom - 1
     assert buttons <= top + 1
+
+
+@pytest.mark.parametrize("page", ["report", "tracks"])
+@pytest.mark.parametrize("width", [420, 1400])
+def test_the_first_view_shows_whole_ropes(browser, table, tmp_path, page, width):
+    if page == "report":
+        model, views = table
+        write_report(model, views, tmp_path / "a.html")
+        nodes = np.vstack([chain.points for chain in model.chains])
+    else:
+        frames = strand.synthetic.sequence("loop", seed=1, frames=3)
+        tracker = strand.Tracker(radius=frames.radius, ropes=1)
+        tracks = [tracker.update([frame.view()], frame.time) for frame in frames]
+        write_track_report(tracks, tmp_path / "a.html")
+        nodes = np.vstack([track.ropes[0].points for track in tracks])
+    browser.open(tmp_path / "a.html", width=width)
+    camera, ranges, (high, wide) = browser.value(
+        "(() => { const s = document.getElementById('space').layout.scene;"
+        "const b = document.querySelector('#space canvas').getBoundingClientRect();"
+        "return [s.camera, [s.xaxis.range, s.yaxis.range, s.zaxis.range], [b.height, b.width]] })()"
+    )
+    up, eye, center = (np.array([camera[key][axis] for axis in "xyz"]) for key in ("up", "eye", "center"))
+    low, top = np.array(ranges).T
+    # plotly's units: the longest axis, from the middle of the box
+    placed = (1e3 * nodes - (low + top) / 2) / (top - low).max() - eye
+    ahead = (center - eye) / np.linalg.norm(center - eye)
+    right = np.cross(ahead, up) / np.linalg.norm(np.cross(ahead, up))
+    field = np.tan(np.radians(22.5)) * placed @ ahead
+    assert np.abs(placed @ right / field).max() < 0.97 * wide / high
+    assert np.abs(placed @ np.cross(right, ahead) / field).max() < 1.0
 
 
 def test_the_page_says_that_crossings_are_too_many_to_list(tmp_path):
