@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from strand.ropes.grasps import Gripper
     from strand.ropes.knots import knot, linking_number
     from strand.ropes.model import Model
+    from strand.ropes.netlist import Netlist
     from strand.support.files import FileFormatError
     from strand.tracking.tracker import Tracker
     from strand.views.box import Box
@@ -56,6 +57,7 @@ __all__ = [
     "Gripper",
     "IcpResult",
     "Model",
+    "Netlist",
     "NoRopeError",
     "NotEnoughDataError",
     "Recording",
@@ -103,6 +105,7 @@ _MODULES = {  # each name that Python code defines, and its module: imported on 
     "FileFormatError": "strand.support.files",
     "Gripper": "strand.ropes.grasps",
     "Model": "strand.ropes.model",
+    "Netlist": "strand.ropes.netlist",
     "NoRopeError": "strand.reconstruction.finding.ropes",
     "Recording": "strand.io.recordings",
     "Sensor": "strand.views.sensor",

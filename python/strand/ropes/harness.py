@@ -11,12 +11,15 @@ import numpy as np
 import rustworkx as rx
 
 from strand.ropes.chain import Chain
+from strand.ropes.net_matching import match_netlist
+from strand.ropes.netlist import Netlist, NetMatch
 from strand.support.checks import (
     Array,
     check_fraction_or_nan,
     check_instance,
     check_instances,
     check_integer,
+    check_positive,
     check_small_array,
     freeze_array,
 )
@@ -275,6 +278,27 @@ class Harness:
         """
         ways = sorted(self._find_ways(self._check_node("root", root)).values(), key=len)
         return tuple(self._choose_edge(*way[-2:]) for way in ways)
+
+    def match(self, net: Netlist, tolerance: float = 0.03) -> NetMatch:
+        """Find which node is which of a netlist, compare lengths, and say what is missing or too many.
+
+        Junctions whose branches are missing cannot be seen; the branches on both sides then count as one.
+        Lengths, and numbers of wires where both sides know them, tell isomorphic answers apart; names that
+        they leave open are said to be open. Up to three branches may be missing or too many.
+
+        Parameters
+        ----------
+        net : Netlist
+        tolerance : float
+            Relative standard deviation of lengths: that of the measurement and of the harness together.
+
+        Returns
+        -------
+        NetMatch
+        """
+        check_instance("net", net, Netlist)
+        found = [(edge.start, edge.stop, edge.length, edge.radius, edge.wires) for edge in self.edges]
+        return match_netlist(net, found, check_positive("tolerance", tolerance, 1.0))
 
     def _find_ways(self, start: int) -> dict[int, list[int]]:
         """Return the nodes along the shortest way from a node to each node that edges join to it."""

@@ -51,7 +51,7 @@ MAX_ROOT_MODULES = 6  # files of Python at the root of the package
 MAX_ROOT_FOLDERS = 12  # folders there
 MAX_LINES = 450  # of a source file
 LONG_FILES = {PACKAGE / "_core.pyi", PACKAGE / "config.py", PACKAGE / "ropes" / "model.py"}  # one idea each
-MAX_PUBLIC_NAMES = 46  # in `strand.__all__`
+MAX_PUBLIC_NAMES = 47  # in `strand.__all__`
 MAX_TUPLE = 2  # constants in one assignment
 MAX_PAGE_LINES = {
     "ARCHITECTURE.md": 160,

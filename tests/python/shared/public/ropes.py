@@ -32,6 +32,8 @@ from strand.ropes.harness import Harness, HarnessEdge, HarnessNode
 
 UP = np.array([0.0, 0.0, 1.0])
 S = np.array([0.01, 0.05])
+BRANCHES = [("plug", "J", 0.3), ("J", "ecu", 0.1), ("J", "lamp", 0.2)]
+NET = strand.Netlist(BRANCHES)
 PLACES = LINE[::20] + 0.01
 KNOTTED = np.stack(
     [np.sin(t := np.linspace(0, 6, 60)) + 2 * np.sin(2 * t), np.cos(t) - 2 * np.cos(2 * t), -np.sin(3 * t)],
@@ -260,6 +262,8 @@ def _list_harness() -> dict[str, Call]:
         "Harness.path": Call(harness.path, {"a": 0, "b": 2}),
         "Harness.length": Call(harness.length, {"a": 0, "b": 2}),
         "Harness.branches_at": Call(harness.branches_at, {"node": 1}),
+        "Harness.match": Call(harness.match, {"net": NET, "tolerance": 0.05}),
+        "Netlist": Call(strand.Netlist, {"edges": BRANCHES, "wires": (1, 2, 3)}),
         "Harness.tree": Call(harness.tree, {"root": 1}),
         "HarnessNode": Call(
             HarnessNode,

@@ -19,7 +19,8 @@ METHODS = (classmethod, staticmethod, types.ClassMethodDescriptorType, *FUNCTION
 
 # fmt: off
 ANSWERS = {
-    "Contact", "Crossing", "Diagram", "Event", "FoundRopes", "Grasp", "Grasps", "Knot", "Nearest", "NoGrasp",
+    "Contact", "Crossing", "Diagram", "EdgeMatch", "Event", "FoundRopes", "Grasp", "Grasps", "Knot",
+    "Nearest", "NetEdge", "NetMatch", "NoGrasp",
     "OtherObject", "Pull", "PullPlan", "RayHits", "RopeMask", "ShapeError", "SweepHits", "Track",
     "Capsules", "IcpResult", "NextView", "Spheres", "TrackedRope", "TubeFit",
     "batch.Counts", "batch.Unit",
