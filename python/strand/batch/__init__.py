@@ -2,6 +2,7 @@
 
 from strand.batch.engines import EngineError
 from strand.batch.reading import load_models, load_table
+from strand.batch.rope_columns import write_lerobot
 from strand.batch.rows import make_rows
 from strand.batch.running import Counts, run
 from strand.batch.settings import Settings
@@ -21,6 +22,7 @@ __all__ = [
     "make_rows",
     "make_schema",
     "run",
+    "write_lerobot",
     "write_summary",
     "write_tracks",
 ]

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from strand.batch.pages import measure_footer, measure_pages
 from strand.batch.shards import list_shards
 from strand.batch.table import SCHEMA_VERSION, make_schema
 from strand.batch.writing import VERSION_KEY
@@ -23,6 +22,7 @@ from strand.ropes.seen_side import USUAL_UP
 from strand.support.checks import check_integer, check_path, check_sequence, check_text
 from strand.support.extras import import_extra
 from strand.support.files import FileFormatError, open_file
+from strand.support.pages import measure_footer, measure_pages
 from strand.tracking.track import TrackedRope
 
 # kinds of warning that always name chains; a warning of another kind in all rows may be about none

@@ -10,6 +10,7 @@ from itertools import count
 from pathlib import Path
 
 from strand.batch.settings import Settings, compute_digest
+from strand.io.lerobot.layout import INFO, is_data_set
 from strand.io.recordings import Recording, is_recording
 from strand.io.recordings.bags import SUFFIXES
 from strand.io.recordings.ros2_folder import METADATA
@@ -21,7 +22,7 @@ SCENE = "scene"
 """Kind of a recording that `strand.load_scene` reads."""
 
 BAG = "bag"
-"""Kind of a recording that `strand.Recording` reads."""
+"""Kind of a recording that `strand.Recording` reads, LeRobot data sets too."""
 
 IMAGES = "images"
 """Kind of a folder of depth images."""
@@ -123,8 +124,8 @@ def find_units(
             if skipped is not None and Path(skipped).is_relative_to(os.path.realpath(place)):
                 hint = f"; {skipped} is the folder of the table (-o), which is not searched; choose another"
             raise ValueError(
-                f"recordings: {place} holds none: no folder with a {_DESCRIPTION}, {METADATA} or depth "
-                f"images, and no .npz, {', '.join(SUFFIXES)} file{hint}"
+                f"recordings: {place} holds none: no folder with a {_DESCRIPTION}, {METADATA}, {INFO} or "
+                f"depth images, and no .npz, {', '.join(SUFFIXES)} file{hint}"
             )
     found = _search_all(places, skipped)
     for place, kind in _group_scenes(found, places) if settings.track else found:
@@ -199,6 +200,8 @@ def _list_folder(folder: str) -> list[tuple[str, str | None]]:
         # opening it as a scene fails too, and gives the reason
         return [(folder, SCENE)]
     names = {entry.name for entry in entries}
+    if names & {"meta", "data"} and is_data_set(folder):
+        return [(folder, BAG)]
     if METADATA in names and _is_bag(folder, names):
         return [(folder, BAG)]
     if _DESCRIPTION in names:
@@ -317,28 +320,37 @@ def _list_files_below(folder: str, skipped: str | None) -> list[str]:
 
 
 def _split(unit: Unit, settings: Settings) -> Iterator[Unit]:
-    """Yield the stretches of a recording; a recording that cannot be opened is one unit with its error."""
-    if settings.stretch is None or unit.kind == SCENE:
+    """Yield the stretches of a recording; a recording that cannot be opened is one unit with its error.
+
+    No stretch has frames of two episodes of a data set, which are recordings of their own.
+    """
+    episodes = unit.kind == BAG and is_data_set(unit.path)
+    if unit.kind == SCENE or (settings.stretch is None and not episodes):
         yield unit
         return
     try:
-        frames = len(list_images(unit.path)) if unit.kind == IMAGES else _count_frames(unit.path, settings)
+        parts = (
+            (range(len(list_images(unit.path))),) if unit.kind == IMAGES else _list_parts(unit.path, settings)
+        )
     except ImportError:
         raise
     except Exception as error:
         yield replace(unit, error=describe_error(error))
         return
-    length = settings.stretch * settings.every
-    for start in count(0, length):
-        last = start + length >= frames
-        yield replace(unit, start=start, stop=None if last else start + length)
-        if last:
-            return
+    for part in parts:
+        length = len(part) if settings.stretch is None else settings.stretch * settings.every
+        for start in count(part.start, max(length, 1)):
+            last = start + length >= part.stop
+            end = part.stop if episodes else None
+            yield replace(unit, start=start, stop=end if last else start + length)
+            if last:
+                break
 
 
-def _count_frames(path: str, settings: Settings) -> int:
+def _list_parts(path: str, settings: Settings) -> tuple[range, ...]:
+    """Return the frames of each episode of a data set, or all of another recording."""
     with open_bag(path, settings) as recording:
-        return recording.most_frames
+        return recording.episodes or (range(recording.most_frames),)
 
 
 def open_bag(path: str, settings: Settings) -> Recording:

@@ -103,9 +103,15 @@ def _advise_recording(path: Path, recording: RecordingContents, topics_given: bo
     plan["world"] = "the camera's frame"
     if recording.tf_frames:
         plan["world"] += "; --world FRAME for another TF frame"
+    missing = ["radius", "bounds"]
+    if recording.episodes is not None:
+        options.append("--intrinsics FX,FY,CX,CY")
+        missing.insert(0, "intrinsics")
+        if recording.episodes > 1:
+            plan["frames"] += f"; --episode N for one of {recording.episodes} episodes"
     image = first.view is not None and first.view.kind == "depth image"
     plan |= _plan_method(False, False, image) | _plan_radius(None, 1)
-    return Advice(_make_command(path, options), ("radius", "bounds"), plan)
+    return Advice(_make_command(path, options), tuple(missing), plan)
 
 
 def _plan_method(masked: bool, bounded: bool, images: bool) -> dict[str, str]:

@@ -210,7 +210,9 @@ def _describe_recording(recording: RecordingContents) -> list[Row]:
         table.append(Row("", f"and {len(recording.topics) - _MAX_LISTED} more"))
     rows += _label_first("topics", table or [Row("", "none")])
     for camera in recording.cameras:
-        rows += _describe_camera(camera)
+        rows += _describe_camera(camera, recording.episodes is None)
+    if recording.episodes is not None:
+        return [Row("episodes", f"{recording.episodes}"), *rows]
     frames = ", ".join(recording.tf_frames[:_MAX_LISTED])
     frames += ", ..." if len(recording.tf_frames) > _MAX_LISTED else ""
     rows.append(Row("TF frames", frames or "none"))
@@ -219,10 +221,10 @@ def _describe_recording(recording: RecordingContents) -> list[Row]:
     return rows
 
 
-def _describe_camera(camera: CameraContents) -> list[Row]:
+def _describe_camera(camera: CameraContents, of_ros: bool) -> list[Row]:
     frames = f"{camera.messages} {_inflect('frame', camera.messages)}"
-    tf_frame = f"in the TF frame {camera.frame}" if camera.frame else "without a TF frame"
-    rows = [Row("depth", f"{camera.topic}: {frames}, {tf_frame}")]
+    tf_frame = f", in the TF frame {camera.frame}" if camera.frame else ", without a TF frame"
+    rows = [Row("depth", f"{camera.topic}: {frames}{tf_frame if of_ros else ''}")]
     view = camera.view
     if view is None:
         size = "" if camera.size is None else f"{camera.size[0]} x {camera.size[1]} pixels; "

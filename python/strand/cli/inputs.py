@@ -17,7 +17,17 @@ from strand.io.scenes import Scene, load_scene
 from strand.support.checks import Array
 
 _RECORDING_OPTIONS = (
-    *("topic", "frame", "every", "world", "tolerance", "ignore_distortion", "color_topic", "no_color"),
+    *(
+        "topic",
+        "frame",
+        "every",
+        "episode",
+        "world",
+        "tolerance",
+        "ignore_distortion",
+        "color_topic",
+        "no_color",
+    ),
 )
 _SCENE_OPTIONS = ("viewpoint", "camera_frame", "mask", "color", "occluders")
 
@@ -31,17 +41,42 @@ def load_input(options: argparse.Namespace) -> Scene:
 
 def _load_frame(options: argparse.Namespace, path: Path) -> Scene:
     with open_recording(options) as recording:
-        number = options.frame or 0
+        number, _ = choose_frames(options, recording)
         frame = next(recording.read(number, number + 1), None)
         if frame is None:
             raise ValueError(describe_missing_frame(number, len(recording)))
         return Scene(path.name, frame.views, None, None, files=recording.files)
 
 
-def describe_missing_frame(number: int, count: int) -> str:
+def choose_frames(options: argparse.Namespace, recording: Recording) -> tuple[int, int | None]:
+    """Return the first frame, and that after the last one: of the recording, or of an episode of it."""
+    number = options.frame or 0
+    if options.episode is None:
+        return number, None
+    if not recording.episodes:
+        raise ValueError(f"--episode: for LeRobot data sets only, and {recording.path} is none")
+    count = len(recording.episodes)
+    if not 0 <= options.episode < count:
+        raise ValueError(f"--episode {options.episode}: the data set has {_describe_range(count, 'episode')}")
+    frames = recording.episodes[options.episode]
+    if not 0 <= number < len(frames):
+        raise ValueError(describe_missing_frame(number, len(frames), "episode"))
+    return frames.start + number, frames.stop
+
+
+def describe_missing_frame(number: int, count: int, what: str = "recording") -> str:
     """Say which frames a recording of `count` frames has instead of frame `number`."""
-    has = "no frames" if count == 0 else "1 frame, 0" if count == 1 else f"{count} frames, 0 to {count - 1}"
-    return f"--frame {number}: the recording has {has}"
+    return f"--frame {number}: the {what} has {_describe_range(count, 'frame')}"
+
+
+def _describe_range(count: int, what: str) -> str:
+    return (
+        f"no {what}s"
+        if count == 0
+        else f"1 {what}, 0"
+        if count == 1
+        else f"{count} {what}s, 0 to {count - 1}"
+    )
 
 
 def _load_scene(options: argparse.Namespace, path: Path) -> Scene:

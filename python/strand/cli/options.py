@@ -19,13 +19,24 @@ def add_scene(command: argparse.ArgumentParser) -> None:
         metavar="SCENE",
         help="a folder with a scene.toml; an .npz file; a single view as points (.ply, .pcd, .npy, .xyz, "
         ".csv, ...) or as a depth image (.png, .tiff, .npy); or a recording as a .bag, .mcap or .db3 file or "
-        "a ROS 2 bag's folder",
+        "the folder of a ROS 2 bag or LeRobot data set",
     )
     add_camera(command)
     group = command.add_argument_group("recordings")
     add_recording(group)
     group.add_argument(
         "--frame", type=int, metavar="N", help="number of the first or only frame, from 0 (default: 0)"
+    )
+    add_episode(group)
+
+
+def add_episode(group: argparse._ArgumentGroup) -> None:
+    """Add the choice of an episode of a LeRobot data set."""
+    group.add_argument(
+        "--episode",
+        type=int,
+        metavar="N",
+        help="take one episode of a LeRobot data set, whose --frame 0 is its first one (default: all)",
     )
 
 
@@ -51,8 +62,8 @@ def add_pinhole(command: argparse.ArgumentParser) -> None:
         "--intrinsics",
         type=values.parse_intrinsics,
         metavar="FX,FY,CX,CY",
-        help="intrinsics of a single depth image, or of a recording without CameraInfo, pixels; or a file "
-        "with the 3 x 3 matrix",
+        help="intrinsics of a single depth image, or of a recording without CameraInfo such as a LeRobot "
+        "data set, pixels; or a file with the 3 x 3 matrix",
     )
     command.add_argument(
         "--depth-scale",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
@@ -11,7 +12,13 @@ from pathlib import Path
 import strand
 from strand.cli import values
 from strand.cli.arguments import choose_radius, collect_arguments, reconstruct_scene
-from strand.cli.inputs import describe_missing_frame, list_input_files, load_input, open_recording
+from strand.cli.inputs import (
+    choose_frames,
+    describe_missing_frame,
+    list_input_files,
+    load_input,
+    open_recording,
+)
 from strand.cli.model_output import print_json, print_remarks
 from strand.cli.options import add_priors, add_scene
 from strand.cli.outputs import check_outputs
@@ -110,10 +117,16 @@ def _write_outputs(options: argparse.Namespace, model: strand.Model, scene: Scen
 def _reconstruct_frames(options: argparse.Namespace, recording: Recording) -> None:
     """Print a line for each frame, and write its model or the reason why it has none."""
     arguments = collect_arguments(options)
-    previous, count, first = None, 0, options.frame or 0
+    previous, answered, count = None, False, 0
+    first, stop = choose_frames(options, recording)
+    episode = range(0)
     with nullcontext() if options.out is None else replace_file(options.out) as file:
-        for frame in recording.read(first, None, options.every):
+        for frame in recording.read(first, stop, options.every):
             count += 1
+            if frame.number not in episode:
+                # the ropes of another episode have an order of their own
+                previous = None
+                episode = next((one for one in recording.episodes if frame.number in one), range(sys.maxsize))
             record: dict[str, object] = {"frame": frame.number, "stamp": frame.stamp}
             model = None
             try:
@@ -128,13 +141,13 @@ def _reconstruct_frames(options: argparse.Namespace, recording: Recording) -> No
             words = f"frame {frame.number} at {frame.time:.3f} s: {summary}"
             print(line if options.json else words, flush=True)
             if model is not None:
-                previous = model
+                previous, answered = model, True
                 print_remarks(model, f"frame {frame.number}: ")
             if file is not None:
                 file.write(line.encode() + b"\n")
         if not count:
             raise ValueError(describe_missing_frame(first, len(recording)))
-        if previous is None:
+        if not answered:
             raise strand.NotEnoughDataError(f"none of {count} frames supports an answer")
     if options.out is not None and not options.json:
         print(options.out)

@@ -13,15 +13,17 @@ import numpy as np
 
 import strand
 from strand.batch.following import Follower, find_times, mask_frame
+from strand.batch.rope_columns import POINTS, RopeColumns
 from strand.batch.rows import make_model_rows, make_unanswered_row
 from strand.batch.settings import RATE
 from strand.batch.table import Row
 from strand.batch.writing import write_rows
 from strand.cli import values
-from strand.cli.options import add_pinhole, add_recording, add_ropes
+from strand.cli.options import add_episode, add_pinhole, add_recording, add_ropes
 from strand.cli.outputs import protect_inputs
 from strand.cli.terminal import flush_before_message, print_message
 from strand.cli.track_frames import FrameSource, require_depth
+from strand.io.lerobot.layout import is_data_set
 from strand.report.rerun_tracks import write_track_recording
 from strand.report.scene_updates import write_mcap
 from strand.report.track_page import write_track_report
@@ -64,8 +66,9 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "recording",
         type=values.parse_path,
         metavar="RECORDING",
-        help="a .bag, .mcap or .db3 file; a ROS 2 bag's folder; a folder of depth images; or a folder of "
-        "scenes (.npz files, folders with a scene.toml), one for each frame, in the order of their names",
+        help="a .bag, .mcap or .db3 file; the folder of a ROS 2 bag or LeRobot data set; a folder of depth "
+        "images; or a folder of scenes (.npz files, folders with a scene.toml), one for each frame, in the "
+        "order of their names",
     )
     command.add_argument(
         "-o", "--out", type=values.parse_path, metavar="TRACKS", help="write this .parquet file"
@@ -78,6 +81,18 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument(
         "--mcap", type=values.parse_path, metavar="FILE", help="write this .mcap file for the viewer Foxglove"
+    )
+    command.add_argument(
+        "--lerobot",
+        type=values.parse_path,
+        metavar="OUT",
+        help="write a copy of a LeRobot data set with the ropes of each frame as features, into a new folder",
+    )
+    command.add_argument(
+        "--points",
+        type=int,
+        metavar="N",
+        help=f"points of a rope with --lerobot (default: {POINTS})",
     )
     command.add_argument(
         "--frame", type=int, default=0, metavar="N", help="number of the first frame, from 0 (default: 0)"
@@ -103,7 +118,9 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
             help=f"a folder with {what}, one for each of a folder's depth images and of the same name",
         )
     add_pinhole(command)
-    add_recording(command.add_argument_group("recordings"))
+    recordings = command.add_argument_group("recordings")
+    add_recording(recordings)
+    add_episode(recordings)
     add_ropes(command)
 
 
@@ -114,13 +131,16 @@ def run(options: argparse.Namespace) -> None:
     _check_outputs(options, source)
     pictures = (options.report, options.rerun, options.mcap)
     film = None if all(path is None for path in pictures) else _Film()
+    columns = _start_columns(options)
     counts = _Counts()
-    rows = _follow(options, source, counts, film)
+    rows = _follow(options, source, counts, film, columns)
     if options.out is None:
         deque(rows, maxlen=0)
     else:
         with replace_file(options.out) as file:
             write_rows(rows, file, source.settings.digest)
+    if columns is not None:
+        columns.write()
     _print_summary(counts)
     if options.out is not None:
         print(options.out)
@@ -134,6 +154,22 @@ def run(options: argparse.Namespace) -> None:
     if film is not None and options.mcap is not None:
         write_mcap((track.model for track in film.tracks), options.mcap)
         print(options.mcap)
+    if columns is not None:
+        print(options.lerobot)
+
+
+def _start_columns(options: argparse.Namespace) -> RopeColumns | None:
+    """Return the columns of a new data set, checked before the work; None without --lerobot."""
+    if options.lerobot is None:
+        if options.points is not None:
+            raise ValueError("--points: only with --lerobot, for its features")
+        return None
+    if not is_data_set(options.recording):
+        raise ValueError(f"--lerobot: for LeRobot data sets only, and {options.recording} is none")
+    points = POINTS if options.points is None else options.points
+    return RopeColumns(
+        options.recording, options.lerobot, points=points, ropes=options.ropes, max_bytes=options.max_bytes
+    )
 
 
 def _import_packages(options: argparse.Namespace) -> None:
@@ -150,8 +186,13 @@ def _import_packages(options: argparse.Namespace) -> None:
 def _check_outputs(options: argparse.Namespace, source: FrameSource) -> None:
     outputs = {f"--{name}": vars(options)[name] for name in ("out", "report", "rerun", "mcap")}
     given = {option: path for option, path in outputs.items() if path is not None}
+    pictures = [option for option in given if option != "--out"]
+    if pictures and len(source.starts) > 1:
+        raise ValueError(f"{pictures[0]}: shows one episode; --episode N chooses it")
     if not given:
-        raise ValueError("expected at least one of --out, --report, --rerun and --mcap, got none")
+        if options.lerobot is not None:
+            return
+        raise ValueError("expected at least one of --out, --report, --rerun, --mcap and --lerobot, got none")
     inputs = (
         *source.files,
         *(path for path in (options.config, options.intrinsics) if isinstance(path, Path)),
@@ -168,13 +209,19 @@ def _check_outputs(options: argparse.Namespace, source: FrameSource) -> None:
 
 
 def _follow(
-    options: argparse.Namespace, source: FrameSource, counts: _Counts, film: _Film | None
+    options: argparse.Namespace,
+    source: FrameSource,
+    counts: _Counts,
+    film: _Film | None,
+    columns: RopeColumns | None,
 ) -> Iterator[Row]:
     """Follow the ropes through all frames, print events, and yield the rows of the table."""
     follower = Follower(source.settings)
     first_error: Exception | None = None
     for number, read in source:
         counts.frames += 1
+        if number in source.starts:
+            follower = Follower(source.settings)
         begun = time.perf_counter()
         try:
             frame = read()
@@ -200,6 +247,8 @@ def _follow(
             print(f"frame {number} at {event}", flush=True)
         if options.out is not None:
             yield from make_model_rows(source.recording, number, track.time, track.model, now - begun, track)
+        if columns is not None:
+            columns.add(number, track.model)
         if film is not None:
             film.numbers.append(number)
             film.tracks.append(track)

@@ -10,9 +10,10 @@ from pathlib import Path
 
 from strand.batch import Settings, find_units
 from strand.batch.frames import FrameInput, iterate_frames
-from strand.batch.units import BAG, IMAGES, list_files, list_images
+from strand.batch.units import BAG, IMAGES, Unit, list_files, list_images, open_bag
 from strand.cli.arguments import collect_arguments
 from strand.cli.inputs import collect_settings
+from strand.io.lerobot.layout import is_data_set
 from strand.support.checks import check_integer
 from strand.support.files import FileFormatError
 
@@ -33,6 +34,8 @@ class FrameSource:
         The recording's name in tables.
     files : tuple of Path
         The files that are read.
+    starts : frozenset of int
+        The frames that begin a recording, or an episode of a data set.
 
     Raises
     ------
@@ -47,17 +50,19 @@ class FrameSource:
         self.settings = Settings(
             **collect_arguments(options), **collect_settings(options), track=True, rate=options.rate
         )
-        start = check_integer("--frame", options.frame)
+        self._start = check_integer("--frame", options.frame)
         units = list(find_units([self._path], self.settings, self._path.parent))
         # folders inside a folder of images may hold its masks
         units = [unit for unit in units if unit.path == os.path.abspath(self._path)] or units
-        if len(units) > 1:
+        if len({unit.path for unit in units}) > 1:
             raise ValueError(
                 f"RECORDING: expected one, got {len(units)} in {self._path}; a folder holds either "
                 "depth images or scenes, one for each frame"
             )
-        self._unit = replace(units[0], start=start)
+        self._unit = units[0]
         self.recording = self._unit.recording
+        self._units = self._choose_units(units, options.episode)
+        self.starts = frozenset(unit.start for unit in self._units)
         if self._unit.kind == BAG and options.rate is not None:
             raise ValueError(f"--rate: for folders only; {self._path} has the times of its images")
         self._beside = self._find_beside(options)
@@ -66,7 +71,24 @@ class FrameSource:
 
     def __iter__(self) -> Iterator[tuple[int, Callable[[], FrameInput]]]:
         """Yield the number of each frame, and a function that reads it."""
-        yield from iterate_frames(self._unit, self.settings, self._beside)
+        for unit in self._units:
+            yield from iterate_frames(unit, self.settings, self._beside)
+
+    def _choose_units(self, units: list[Unit], episode: int | None) -> list[Unit]:
+        """Return the units from the first frame on: one, or all episodes of a data set or one of them."""
+        if units[0].kind == BAG and is_data_set(units[0].path):
+            if units[0].error is not None:
+                open_bag(units[0].path, self.settings).close()  # raises the error
+            count = len(units)
+            if episode is not None and not 0 <= episode < count:
+                raise ValueError(f"--episode {episode}: the data set has {count} episodes, 0 to {count - 1}")
+            chosen = units if episode is None else [units[episode]]
+            begun = chosen[0].start + self._start
+            left = [unit for unit in chosen if unit.stop is not None and unit.stop > begun]
+            return [replace(unit, start=max(unit.start, begun)) for unit in left]
+        if episode is not None:
+            raise ValueError(f"--episode: for LeRobot data sets only, and {self._path} is none")
+        return [replace(units[0], start=self._start)]
 
     def _find_beside(self, options: argparse.Namespace) -> dict[str, list[Path]]:
         """Return the masks, colours and occluders of a folder of depth images, one for each image."""

@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from strand.io.budget import Budget
+from strand.io.lerobot.layout import is_data_set
 from strand.io.models import load_model
 from strand.io.point_cloud import PointCloud
-from strand.io.recordings import is_recording
+from strand.io.recordings.bags import is_bag
+from strand.io.recordings.data_set_contents import read_data_set_contents
 from strand.io.recordings.recording_contents import RecordingContents, read_recording_contents
 from strand.io.scenes import load_scene
 from strand.io.view_files import SUFFIXES, read_view_file
@@ -85,7 +87,9 @@ def read_contents(
     `strand.Recording`; by default, all are read. `max_bytes` and `outside` are those of `strand.load_scene`.
     """
     max_bytes = check_integer("max_bytes", max_bytes, 1)
-    if is_recording(path):
+    if is_data_set(path):
+        return read_data_set_contents(path, topics, max_bytes)
+    if is_bag(path):
         return read_recording_contents(path, topics, max_bytes)
     if topics is not None:
         raise ValueError(f"topics: only recordings have topics, and {path} is not a recording")

@@ -59,24 +59,30 @@ def decode_depth_png(file: str | Path, data: bytes, budget: Budget, shape: Shape
 
 def read_depth_tiff(path: Path, budget: Budget) -> NDArray[Any]:
     """Return the (H, W) uint16 or float32 pixels of a TIFF file with one image of one channel."""
-    data = budget.read(path)
-    with budget.hold(path, len(data)):
+    return decode_depth_tiff(path, budget.read(path), budget)
+
+
+def decode_depth_tiff(file: str | Path, data: bytes, budget: Budget, shape: Shape = None) -> NDArray[Any]:
+    """Return the (H, W) uint16 or float32 pixels of a TIFF in memory; errors name `file`.
+
+    An image of another size than `shape` is not decoded.
+    """
+    with budget.hold(file, len(data)):
         try:
             tags = read_tags(data)
         except ValueError as error:
-            raise FileFormatError(path, f"truncated, or not a TIFF file ({error})") from error
-        kind = _find_tiff_type(path, tags.numbers)
+            raise FileFormatError(file, f"truncated, or not a TIFF file ({error})") from error
+        kind = _find_tiff_type(file, tags.numbers)
         if not tags.alone:
-            raise FileFormatError(path, "expected a TIFF of one image, got several")
+            raise FileFormatError(file, "expected a TIFF of one image, got several")
         # Pillow decodes whole tiles, which may be larger than the image
         tile = tags.numbers.get(TILE_WIDTH, 1) * tags.numbers.get(TILE_HEIGHT, 1)
-        with budget.hold(path, 8 * tile + _PIECE * tags.pieces):
-            return _decode(path, budget, tags.data, ("TIFF",), "TIFF file", np.dtype(kind).itemsize).astype(
-                kind
-            )
+        with budget.hold(file, 8 * tile + _PIECE * tags.pieces):
+            size = np.dtype(kind).itemsize
+            return _decode(file, budget, tags.data, ("TIFF",), "TIFF file", size, shape).astype(kind)
 
 
-def _find_tiff_type(path: Path, numbers: dict[int, int]) -> type[Any]:
+def _find_tiff_type(path: str | Path, numbers: dict[int, int]) -> type[Any]:
     """Return the type of a TIFF's pixels; refuse anything but a depth image."""
     bits, samples, number = numbers.get(BITS, 1), numbers.get(SAMPLES, 1), numbers.get(NUMBERS, 1)
     kind = TIFF_DEPTHS.get((bits, number))

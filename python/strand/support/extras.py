@@ -11,6 +11,7 @@ _EXTRAS = {  # the extra of strand that installs each package; others come with 
     "backports": "recordings",
     "mujoco": "simulate",
     "plotly": "report",
+    "av": "lerobot",
     "pyarrow": "batch",
     "ray": "ray",
     "rerun": "rerun",

@@ -18,7 +18,6 @@ from strand.batch import (
     load_models,
     load_table,
     make_schema,
-    pages,
     reading,
     rows,
     run,
@@ -29,6 +28,7 @@ from strand.batch.links import Links
 from strand.batch.shards import list_shards
 from strand.batch.summary import Summary, summarize
 from strand.ropes.doubt import ModelWarning
+from strand.support import pages
 from strand.support.files import FileFormatError, read_at
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)

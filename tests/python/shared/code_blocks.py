@@ -19,6 +19,7 @@ from PIL import Image
 
 import strand
 from lib.bag_files import START, Messages, convert_to_millimeters, record_cameras, record_film, write_bag
+from shared.lerobot_files import write_data_set
 from shared.scene_files import make_ply
 from strand.cli import main
 from strand.synthetic import SyntheticScene
@@ -180,6 +181,8 @@ def make_bags(folder: Path) -> None:
     placed = [("/tf_static", START, Messages(True).tf(table, START)), *record_cameras(make_arc(), True)]
     write_bag(folder / "rope", "ros1", placed)
     write_bag(folder / "rope", "sqlite3", record_film(make_arc(), 41))
+    depth = np.repeat(convert_to_millimeters(make_arc())[:1], 6, axis=0)
+    write_data_set(folder / "cable", depth, (2, 4))
 
 
 def make_recordings(folder: Path) -> None:

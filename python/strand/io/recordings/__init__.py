@@ -1,7 +1,6 @@
-"""Read ROS 1 bags, ROS 2 bags and MCAP files frame by frame, without ROS."""
+"""Read ROS bags, MCAP files and LeRobot data sets frame by frame, without ROS and LeRobot."""
 
-from strand.io.recordings.bags import is_recording
 from strand.io.recordings.frames import Frame
-from strand.io.recordings.recording import Recording
+from strand.io.recordings.recording import Recording, is_recording
 
 __all__ = ["Frame", "Recording", "is_recording"]

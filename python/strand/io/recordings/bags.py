@@ -200,7 +200,7 @@ def _convert_errors(path: Path, place: str | None) -> Iterator[None]:
         raise FileFormatError(path, f"truncated, damaged or not a bag ({text})", place) from error
 
 
-def is_recording(path: str | os.PathLike[str]) -> bool:
-    """Tell whether a path is a recording, by its suffix or by the metadata in the folder."""
+def is_bag(path: str | os.PathLike[str]) -> bool:
+    """Tell whether a path is a bag, by its suffix or by the metadata in the folder."""
     place = Path(path)
     return (place / METADATA).exists() if place.is_dir() else place.suffix.lower() in SUFFIXES

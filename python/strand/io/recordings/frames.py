@@ -50,7 +50,7 @@ class UndecodedFrame:
     number : int
         Number of the frame in the recording, from 0.
     messages : tuple of Message
-        One for each topic.
+        One for each topic; none for a LeRobot data set, whose files have the images.
     colors : tuple of (Message or None)
         The colour image of each.
     held : int

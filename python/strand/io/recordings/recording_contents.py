@@ -74,7 +74,7 @@ class RecordingContents:
     Attributes
     ----------
     format : str
-        "ROS 1 bag", "ROS 2 bag", "MCAP file" or "SQLite file of a ROS 2 bag".
+        "ROS 1 bag", "ROS 2 bag", "MCAP file", "SQLite file of a ROS 2 bag" or "LeRobot data set v3.0".
     start : int or None
         Time of the first message, nanoseconds since 1970; None without a message.
     seconds : float
@@ -87,6 +87,8 @@ class RecordingContents:
         The frames in the first messages of TF.
     tf_trouble : str or None
         The error in these messages.
+    episodes : int or None
+        The number of episodes; None if the recording is no LeRobot data set.
     """
 
     format: str
@@ -96,6 +98,7 @@ class RecordingContents:
     cameras: tuple[CameraContents, ...]
     tf_frames: tuple[str, ...]
     tf_trouble: str | None
+    episodes: int | None = None
 
 
 def read_recording_contents(path: Path, patterns: Sequence[str] | None, max_bytes: int) -> RecordingContents:

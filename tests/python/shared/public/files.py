@@ -14,6 +14,7 @@ from PIL import Image
 
 import strand
 from lib.bag_files import Messages, record_film, write_bag
+from shared.lerobot_files import make_ramp, write_data_set
 from shared.public.scenes import (
     CHAIN,
     CLOUD,
@@ -128,7 +129,27 @@ def _list_batch(folder: Path) -> dict[str, Call]:
         batch.write_tracks(**given)
         return read(given["path"])
 
+    data_set, numbers = write_data_set(folder / "set", make_ramp(3), (3,), "png"), iter(range(10**6))
+
+    def write_lerobot(**given: Any) -> bytes:
+        if isinstance(given.get("out"), Path):  # a new folder each time
+            given["out"] = given["out"].with_name(f"new{next(numbers)}")
+        batch.write_lerobot(**given)
+        return read(given["out"] / "data/chunk-000/file-000.parquet")
+
     return {
+        "batch.write_lerobot": Call(
+            write_lerobot,
+            {
+                "models": [(0, make_model())],
+                "data_set": data_set,
+                "out": folder / "new",
+                "points": 8,
+                "ropes": 1,
+                "feature": "observation.rope",
+                **size,
+            },
+        ),
         "batch.Settings": Call(
             batch.Settings,
             {name: value for name, value in values.items() if name not in ("rate", "viewpoint", "deadline")},

@@ -1,4 +1,4 @@
-"""The memory of a shard by the headers of its pages, which may declare anything."""
+"""The memory of a Parquet file by the headers of its pages, which may declare anything."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ _ENCODINGS = (0, 3)  # plain values, and booleans in runs; strand writes no dict
 _STRUCT = 12  # type of a struct
 _LENGTHS = {3: 1, 7: 8}  # bytes of a value by its type: a byte, a double
 _MAX_DEPTH = 4  # of structs in a header
+_HEADER = 1 << 16  # bytes that the header of a page may take
+_VALUE_PLACES = {0: 5, 3: 8}  # the field with the number of values of a data page of version 1 and 2
 
 
 def measure_footer(file: BinaryIO, size: int) -> tuple[int, int]:
@@ -136,3 +138,43 @@ def _read_varint(data: bytes, at: int) -> tuple[int, int]:
         if data[at - 1] < 128:
             return value, at
     raise ValueError("a number that is cut off")
+
+
+def find_largest_page(file: BinaryIO, metadata: Any, group: int, columns: list[int]) -> int:
+    """Return the bytes of the largest page of some columns of a foreign file, whose pages may be of any kind.
+
+    The pages of a column must have as many values as its footer declares.
+    """
+    largest = 0
+    for place in columns:
+        column = metadata.row_group(group).column(place)
+        size, values = _walk_pages(file, column)
+        if values != column.num_values:
+            raise ValueError(f"pages of {values} values, but {column.num_values} are declared")
+        largest = max(largest, size)
+    return largest
+
+
+def _walk_pages(file: BinaryIO, column: Any) -> tuple[int, int]:
+    """Return the bytes of a column's largest page, and the number of values of all pages."""
+    at = column.data_page_offset
+    if column.has_dictionary_page and column.dictionary_page_offset:
+        at = min(at, column.dictionary_page_offset)
+    end, largest, values = at + column.total_compressed_size, 0, 0
+    if at < 0 or not at <= end <= file.seek(0, os.SEEK_END):
+        raise ValueError("a column outside of the file")
+    while at < end:
+        header, length = _read_struct(read_at(file, at, min(_HEADER, end - at)), 0, 0)
+        unpacked, packed = (header.get(place, -1) for place in (2, 3))
+        if not all(isinstance(one, int) and one >= 0 for one in (unpacked, packed)):
+            raise ValueError("a page without sizes")
+        details = header.get(_VALUE_PLACES.get(header.get(1, -1), -1))
+        if isinstance(details, dict):
+            count = details.get(1, -1)
+            if not isinstance(count, int) or count < 0:
+                raise ValueError("a page without a number of values")
+            values += count
+        largest, at = max(largest, unpacked, packed), at + length + packed
+    if at != end:
+        raise ValueError("a page that ends outside of its column")
+    return largest, values
