@@ -86,7 +86,7 @@ def test_one_command_changes_the_name(tmp_path):
 def test_extras_that_name_others_name_this_distribution():
     listed = [entry for entries in PROJECT["optional-dependencies"].values() for entry in entries]
     selves = [entry for entry in listed if re.match(r"[\w-]+\[[\w,]+\]$", entry)]
-    assert len(selves) == 3
+    assert len(selves) == 4
     for entry in selves:
         name, groups = re.fullmatch(r"([\w-]+)\[([\w,]+)\]", entry).groups()
         assert name == NAME
