@@ -262,11 +262,11 @@ def make_panel(figure: Figure, left: float, bottom: float, width: float, height:
     return axes
 
 
-def make_dot(label: str, color: Any, edge: Any = None) -> Any:
-    """Make a legend entry for points."""
+def make_dot(label: str, color: Any, edge: Any = None, marker: str = "o", size: float = 7.0) -> Any:
+    """Make a legend entry for points; the size is in points of print."""
     lines = import_extra("matplotlib.lines")
     edge = color if edge is None else edge
-    return lines.Line2D([], [], ls="", marker="o", ms=7, mfc=color, mec=edge, mew=0.8, label=label)
+    return lines.Line2D([], [], ls="", marker=marker, ms=size, mfc=color, mec=edge, mew=0.8, label=label)
 
 
 def make_stroke(label: str, color: Any) -> Any:

@@ -181,10 +181,10 @@ def draw_ropes(model: Model, truth: Sequence[ArrayLike] = ()) -> Figure:
         [np.empty((0, 3)), *(chain.points[_find_bare_nodes(chain)] for chain in model.chains)]
     )
     if len(bridged):
-        legend.append(make_dot("node without points", "white", edge=INK))
+        legend.append(make_dot("node without points", "white", edge=INK, size=3.5))
     crossed = _find_crossings(model, cloud)
     if len(crossed):
-        legend.append(make_dot("crossing", "none", edge=INK))
+        legend.append(make_dot("crossing", "none", edge=INK, marker="s"))
     unsure = _find_doubts(model)
     if len(unsure):
         legend.append(_make_doubt_entry())
@@ -209,7 +209,7 @@ def draw_ropes(model: Model, truth: Sequence[ArrayLike] = ()) -> Figure:
         for axes, across, up, _ in drawing.panels:
             axes.plot(where[:, across], where[:, up], color=INK, lw=0.9, ls="--", zorder=4)
     drawing.draw_markers(find_rope_ends(model), "o", PALETTE[3])
-    drawing.draw_markers(crossed, "o", "none", size=16.0)
+    drawing.draw_markers(crossed, "s", "none", size=15.0)
     drawing.draw_markers(unsure, _DOUBT_MARKER, _DOUBT_COLOR)
     return drawing.figure
 

@@ -386,7 +386,7 @@ def place_cameras(
 
 
 def measure_width(subject: Array, camera: dict[str, Any]) -> float:
-    """Return how wide plotly's camera sees the ropes, as a share of the extent that fits its view's height."""
+    """Return how wide plotly's camera sees the ropes, as a share of the extent that fits its height."""
     eye, center, up = (np.array([camera[name][axis] for axis in "xyz"]) for name in ("eye", "center", "up"))
     across = np.cross(up, eye - center)
     low, high = subject.min(axis=0), subject.max(axis=0)

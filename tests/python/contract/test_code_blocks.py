@@ -20,6 +20,7 @@ from PIL import Image
 import strand
 from shared import code_blocks
 from shared.code_blocks import PAGES, ROOT, find_blocks, find_commands, run_python, run_strand
+from shared.pictures import MAX_DIFFERENCE, compare_pictures
 from shared.scene_files import make_ply
 from strand.report import rerun_view
 from strand.support.files import read_toml
@@ -123,7 +124,10 @@ def check_first_grasp(names, out, folder):
     assert (folder / "grasp.html").exists()
     pictures = ROOT / "docs" / "images" / "first_grasp"
     draw(names, folder / "drawn")
-    assert {path.name for path in (folder / "drawn").iterdir()} == {path.name for path in pictures.iterdir()}
+    drawn = {path.name: path for path in (folder / "drawn").iterdir()}
+    assert set(drawn) == {path.name for path in pictures.iterdir()}
+    for name, path in drawn.items():
+        assert compare_pictures(pictures / name, path) < MAX_DIFFERENCE, name
 
 
 def check_recipes(names, out, folder):
