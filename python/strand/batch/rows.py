@@ -14,8 +14,7 @@ from strand.batch.table import Row, make_record_batch
 from strand.batch.units import SCENE, Unit, describe_error
 from strand.reconstruction.finding.ropes import NoRopeError
 from strand.reconstruction.pipeline import reconstruct
-from strand.ropes.crossings import list_crossings
-from strand.ropes.model import Model
+from strand.ropes.model import Model, list_model_crossings
 from strand.support.checks import check_instance
 from strand.tracking.track import Track
 
@@ -133,7 +132,7 @@ def make_model_rows(
     track: Track | None = None,
 ) -> Iterator[Row]:
     """Yield a row for each chain of a model, or one row if it has none; the model may be that of a track."""
-    crossings = list_crossings(model.chains, model.up, model.doubts, model.confidence)
+    crossings = list_model_crossings(model)
     warnings = [
         ({k for k in warning.chains if k < len(model.chains)}, f"{warning.kind}: {warning.message}")
         for warning in model.warnings

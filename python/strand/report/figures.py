@@ -45,8 +45,7 @@ from strand.report.published_figures import (
 )
 from strand.report.tables import find_branch, take_stage
 from strand.ropes.chain import Chain
-from strand.ropes.crossings import list_crossings
-from strand.ropes.model import Model
+from strand.ropes.model import Model, list_model_crossings
 from strand.ropes.notebook import PALETTE
 from strand.support.checks import Array, check_clouds, check_finite_array, check_instance, check_path
 from strand.support.extras import import_extra
@@ -367,7 +366,7 @@ def _find_crossings(model: Model, cloud: Array) -> Array:
     """Return (K, 3) the places of the crossings in the plan."""
     plan = Plan.from_viewpoints(model.poses[:, :3, 3], cloud if len(cloud) else np.zeros((1, 3)))
     towards = plan.signs[2] * np.eye(3)[plan.axes[2]]
-    met = list_crossings(model.chains, towards, model.doubts, model.confidence)
+    met = list_model_crossings(model, towards)
     return np.vstack([np.empty((0, 3)), *(crossing.place for crossing in met or ())])
 
 

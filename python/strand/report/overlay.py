@@ -15,8 +15,7 @@ from strand.report.cameras import Camera
 from strand.report.drawing import pick_spread
 from strand.report.drawn_chains import close_path
 from strand.ropes.chain import Chain
-from strand.ropes.crossings import list_crossings
-from strand.ropes.model import Model
+from strand.ropes.model import Model, list_model_crossings
 from strand.support.checks import Array
 from strand.support.extras import import_extra
 
@@ -79,9 +78,7 @@ def draw_overlay(camera: Camera, model: Model, max_bytes: int) -> str:
                 f'<text x="{u + size:.1f}" y="{v - size:.1f}" font-size="{4 * size:.1f}" '
                 f'fill="#fff">{i}</text>'
             )
-    for crossing in (list_crossings(model.chains, model.up, model.doubts, model.confidence) or ())[
-        :_MAX_DOUBTS
-    ]:
+    for crossing in (list_model_crossings(model) or ())[:_MAX_DOUBTS]:
         u, v = camera.project(crossing.place[None])[0][0]
         if left <= u <= right and top <= v <= bottom:
             arm, across = f"{2 * size:.1f}", f"M{u - size:.1f},{v - size:.1f}"

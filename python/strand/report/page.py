@@ -22,8 +22,8 @@ from strand.report.drawn_chains import compute_deviations
 from strand.report.overlay import MAX_CHAINS, draw_overlay
 from strand.report.space_figure import make_space_figure
 from strand.report.tables import count_stages, describe_ends
-from strand.ropes.crossings import NOT_LISTED, list_crossings
-from strand.ropes.model import Model
+from strand.ropes.crossings import NOT_LISTED
+from strand.ropes.model import Model, list_model_crossings
 from strand.ropes.summary import say_whether_to_act
 from strand.support.checks import Array, check_clouds, check_instance, check_path, check_text
 from strand.support.extras import import_extra
@@ -205,7 +205,7 @@ def _tabulate_crossings(model: Model) -> str:
     """Return the table of crossings, seen from above; empty without any."""
     if not model.chains:
         return ""
-    met = list_crossings(model.chains, model.up, model.doubts, model.confidence)
+    met = list_model_crossings(model)
     if met is None:
         return f'<p class="note">The {NOT_LISTED}.</p>'
     rows = [

@@ -13,8 +13,7 @@ from strand._core import StrandError
 from strand.report.cameras import make_cameras
 from strand.report.drawn_chains import close_path, pick_color
 from strand.report.page import place_points
-from strand.ropes.crossings import list_crossings
-from strand.ropes.model import Model
+from strand.ropes.model import Model, list_model_crossings
 from strand.support.checks import check_clouds, check_path
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
@@ -141,7 +140,7 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
             )
     radius = float(np.median([chain.radius for chain in model.chains])) if model.chains else 0.005
     if len(nodes):
-        met = list_crossings(model.chains, model.up, model.doubts, model.confidence)
+        met = list_model_crossings(model)
         if met:
             places, orders = zip(*((crossing.place, str(crossing)) for crossing in met), strict=True)
             log("crossings", rerun.Points3D(places, radii=radius, colors=[_CROSSING], labels=orders))

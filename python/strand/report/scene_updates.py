@@ -15,8 +15,7 @@ from strand.report.drawn_chains import close_path, pick_color
 from strand.report.mcap_file import McapFile
 from strand.report.tracks import TrackedRope, cut_rope
 from strand.ropes.chain import Chain
-from strand.ropes.crossings import list_crossings
-from strand.ropes.model import Model
+from strand.ropes.model import Model, list_model_crossings
 from strand.support.checks import Array, check_nonnegative, check_path, check_text
 from strand.support.files import check_suffix, replace_file
 from strand.support.stamps import SECOND, count_nanoseconds
@@ -150,7 +149,7 @@ def _draw_lines(chain: Chain, number: int) -> list[Message]:
 
 def _draw_crossings(model: Model) -> dict[str, list[Message]]:
     spheres, texts = [], []
-    for crossing in list_crossings(model.chains, model.up, model.doubts, model.confidence) or ():
+    for crossing in list_model_crossings(model) or ():
         radius = model.chains[crossing.over[0]].radius
         size = dict.fromkeys("xyz", 2.0 * _MARK * radius)
         spheres.append({"pose": _make_pose(crossing.place), "size": size, "color": _CROSSING})

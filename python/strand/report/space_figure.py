@@ -18,8 +18,7 @@ from strand.report.drawing import INK, pick_spread
 from strand.report.drawn_chains import compute_deviations
 from strand.report.plotly_traces import Pen, join_with_gaps, pack_numbers
 from strand.ropes.chain import Chain
-from strand.ropes.crossings import list_crossings
-from strand.ropes.model import Model
+from strand.ropes.model import Model, list_model_crossings
 from strand.ropes.notebook import PALETTE
 from strand.ropes.seen_side import find_seen_side
 from strand.support.checks import Array
@@ -273,7 +272,7 @@ def _draw_places(pen: Pen, model: Model) -> list[dict[str, Any]]:
         if not chain.closed
         for place, what in ((chain.points[0], "starts"), (chain.points[-1], "ends"))
     ]
-    met = list_crossings(model.chains, model.up, model.doubts, model.confidence)
+    met = list_model_crossings(model)
     crossed = [(crossing.place, str(crossing)) for crossing in met or ()]
     doubts = [
         (doubt.place, f"{doubt.kind}, weight {doubt.amount:.3f}: {doubt}")

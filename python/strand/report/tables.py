@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand.ropes.chain import Chain
-from strand.ropes.crossings import NOT_LISTED, list_crossings
-from strand.ropes.model import Model
+from strand.ropes.crossings import NOT_LISTED
+from strand.ropes.model import Model, list_model_crossings
 from strand.ropes.summary import say_whether_to_act
 from strand.support.checks import check_finite_array, check_instance
 from strand.views.view import View
@@ -229,7 +229,7 @@ def describe_ends(chain: Chain) -> str:
 
 def describe_crossings(model: Model) -> str:
     """Format the crossings seen from above: strands, gap, angle, sign and probability; empty without any."""
-    met = list_crossings(model.chains, model.up, model.doubts, model.confidence)
+    met = list_model_crossings(model)
     if met is None:
         return NOT_LISTED
     rows = [

@@ -17,6 +17,7 @@ from strand.geometry.line import Line
 from strand.geometry.meeting import find_meeting_boxes
 from strand.ropes.clearance import find_nearest_on_segments
 from strand.ropes.crossings import Crossing, find_crossings
+from strand.ropes.joints import Ends, meet_at_node
 from strand.support.checks import Array, check_nonnegative
 
 _STEP = 0.5  # radii: length of the steps in which strands are compared
@@ -74,7 +75,9 @@ class _Steps:
     after: NDArray[np.intp]
 
 
-def find_contacts(chains: Sequence[Line], distance: float, direction: ArrayLike) -> tuple[Contact, ...]:
+def find_contacts(
+    chains: Sequence[Line], distance: float, direction: ArrayLike, ends: Ends = ()
+) -> tuple[Contact, ...]:
     """Find where strands are near each other without crossing, see `Model.contacts`."""
     most = check_nonnegative("distance", distance)
     towards = check_direction("direction", direction)
@@ -86,7 +89,12 @@ def find_contacts(chains: Sequence[Line], distance: float, direction: ArrayLike)
     keys = pairs[:, 0] * len(steps.chain) + pairs[:, 1]
     found = []
     for group in _group_pairs(steps, pairs, keys, ~crossed):
-        found.append(_make_contact(chains, steps, pairs[group], places[group], int(away[group].argmin())))
+        contact = _make_contact(chains, steps, pairs[group], places[group], int(away[group].argmin()))
+        # where chains share a node, a contact goes on from there
+        sides = (contact.first[0], contact.stretch_first), (contact.second[0], contact.stretch_second)
+        corners = product(*([(number, s) for s in stretch] for number, stretch in sides))
+        if not any(meet_at_node(chains, ends, *corner) for corner in corners):
+            found.append(contact)
     return tuple(sorted(found, key=lambda contact: (contact.first, contact.second)))
 
 

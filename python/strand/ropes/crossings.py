@@ -15,6 +15,7 @@ from strand.geometry.frames import check_direction
 from strand.geometry.line import Line
 from strand.ropes.clearance import find_least_distances
 from strand.ropes.doubt import Doubt
+from strand.ropes.joints import Ends, meet_at_node
 from strand.ropes.order import estimate_order_probability, measure_order
 from strand.support.checks import (
     Array,
@@ -117,19 +118,33 @@ class Crossing:
 
 
 def find_crossings(
-    chains: Sequence[Line], direction: ArrayLike, doubts: Sequence[Doubt], confidence: float = math.nan
+    chains: Sequence[Line],
+    direction: ArrayLike,
+    doubts: Sequence[Doubt],
+    confidence: float = math.nan,
+    ends: Ends = (),
 ) -> tuple[Crossing, ...]:
     """Find where chains cross in projection along a direction, see `Model.crossings`."""
-    return _find(chains, direction, doubts, confidence, None) or ()
+    return _drop_joints(chains, ends, _find(chains, direction, doubts, confidence, None) or ())
 
 
 def list_crossings(
-    chains: Sequence[Line], direction: ArrayLike, doubts: Sequence[Doubt], confidence: float = math.nan
+    chains: Sequence[Line],
+    direction: ArrayLike,
+    doubts: Sequence[Doubt],
+    confidence: float = math.nan,
+    ends: Ends = (),
 ) -> tuple[Crossing, ...] | None:
     """Return crossings for files, tables and pages; None if there are too many to list, see `NOT_LISTED`."""
     if sum(len(chain.points) for chain in chains) > _MAX_NODES:
         return None
-    return _find(chains, direction, doubts, confidence, _MAX_LISTED)
+    met = _find(chains, direction, doubts, confidence, _MAX_LISTED)
+    return None if met is None else _drop_joints(chains, ends, met)
+
+
+def _drop_joints(chains: Sequence[Line], ends: Ends, crossings: tuple[Crossing, ...]) -> tuple[Crossing, ...]:
+    """Return the crossings that are not where chains share a node."""
+    return tuple(one for one in crossings if not meet_at_node(chains, ends, one.over, one.under))
 
 
 def _find(

@@ -27,6 +27,7 @@ from strand.ropes.crossings import Crossing, find_crossings, find_free_stretch, 
 from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
 from strand.ropes.grasps import Grasps, Gripper, find_grasps
 from strand.ropes.harness import Harness, describe_harness
+from strand.ropes.joints import Ends
 from strand.ropes.next_view import NextView, Workspace, propose_views
 from strand.ropes.notebook import make_html
 from strand.ropes.pulls import PullPlan, plan_pulls
@@ -216,7 +217,7 @@ class Model:
         "Act on it" stands for a confidence of at least 0.9, "Look again before acting" for at least 0.5, else
         "Do not act on it". The next lines list the chains, their crossings and the greatest doubts.
         """
-        crossings = list_crossings(self.chains, self.up, self.doubts, self.confidence)
+        crossings = list_model_crossings(self)
         return summarize(self.confidence, self.chains, crossings, self.doubts)
 
     def next_view(
@@ -362,7 +363,7 @@ class Model:
         """Find all crossings of the ropes as seen from one side, and which strand is on top.
 
         A strand that meets itself within four radii of rope only bends. One that touches another in the image
-        plane and goes back does not cross it.
+        plane and goes back does not cross it. Edges of a harness do not cross where they share a node.
 
         Parameters
         ----------
@@ -374,12 +375,14 @@ class Model:
         tuple of Crossing
             In order along the chains.
         """
-        return find_crossings(self.chains, self._choose_direction(direction), self.doubts, self.confidence)
+        towards = self._choose_direction(direction)
+        return find_crossings(self.chains, towards, self.doubts, self.confidence, _list_ends(self))
 
     def contacts(self, distance: float, direction: ArrayLike | None = None) -> tuple[Contact, ...]:
         """Find where strands lie near each other without crossing.
 
-        Each stretch along which two strands are near is one contact. A stretch belongs to a crossing while
+        Each stretch along which two strands are near is one contact, unless it comes from a node that both
+        share in a harness. A stretch belongs to a crossing while
         the strands are at least a third as far apart as straight ones at the same angle. Two legs of a bend
         are separate strands if the rope between them is longer than a half circle. Its diameter is the sum
         of both radii and `distance`.
@@ -396,7 +399,7 @@ class Model:
         tuple of Contact
             In order along the chains.
         """
-        return find_contacts(self.chains, distance, self._choose_direction(direction))
+        return find_contacts(self.chains, distance, self._choose_direction(direction), _list_ends(self))
 
     def segment_between_crossings(
         self, chain: int, s: float, direction: ArrayLike | None = None
@@ -672,6 +675,17 @@ class Model:
         write_bytes(path, make_urdf(self.chains, error))
 
 
+def list_model_crossings(model: Model, direction: ArrayLike | None = None) -> tuple[Crossing, ...] | None:
+    """Return a model's crossings for files, tables and pages; None if there are too many to list."""
+    towards = model.up if direction is None else direction
+    return list_crossings(model.chains, towards, model.doubts, model.confidence, _list_ends(model))
+
+
+def _list_ends(model: Model) -> Ends:
+    """Return the nodes of a harness at the ends of each chain."""
+    return () if model.harness is None else [(edge.start, edge.stop) for edge in model.harness.edges]
+
+
 def _check_harness(harness: Harness, chains: tuple[Chain, ...]) -> Harness:
     """Return the harness with the model's chains, which must be those of its edges."""
     edges = check_instance("harness", harness, Harness).edges
@@ -704,7 +718,7 @@ def _collect_content(model: Model) -> dict[str, Any]:
     else:
         content["harness"] = describe_harness(model.harness)
     content["table"] = None if model.table is None else model.table._asdict()
-    crossings = list_crossings(model.chains, model.up, model.doubts, model.confidence)
+    crossings = list_model_crossings(model)
     if crossings is not None:
         content["crossings"] = crossings
     return {"format": FORMAT, "version": VERSION, "units": "metres, radians, seconds", **content}

@@ -25,6 +25,7 @@ ACCEPTED = {
     r"(Chain\.)?knot crossings": r"\[\]",
     r"(Chain|HarnessNode|Model) confidence|Alternative probability": r"nan",
     r"Tracker\.update views": r"\[None\]",
+    r"Netlist wires": r".*None.*",
     r"TubeFit\.replace sigma": r"nan|-?inf",
     r"batch\.run recordings": r"'x'",
     r"fit_tubes reference": r"None",
