@@ -36,12 +36,15 @@ class Bus:
         What the node published, by topic, as another program receives it.
     said : list of str
         What it logged.
+    published : list of str
+        The topics that it offers.
     """
 
     def __init__(self, parameters: dict[str, Any]) -> None:
         self.parameters, self.now = parameters, 0
         self.sent: dict[str, list[Any]] = defaultdict(list)
         self.said: list[str] = []
+        self.published: list[str] = []
         self.subscribed: dict[str, list[Callable[[Any], None]]] = defaultdict(list)
         self.services: dict[str, Callable[[Any, Any], Any]] = {}
         self._timers: list[list[Any]] = []
@@ -85,6 +88,7 @@ def make_modules(bus: Bus) -> dict[str, ModuleType]:
 
         def create_publisher(self, kind: Any, topic: str, depth: int) -> Any:
             assert depth > 0
+            bus.published.append(topic)
 
             def publish(message: Any) -> None:
                 assert message.__msgtype__ == kind.__msgtype__
@@ -209,12 +213,16 @@ def _count(stamp: Any) -> int:
 def run_node(**parameters: Any) -> Iterator[tuple[Bus, Any]]:
     """Give a bus, and the node that runs on it with some parameters."""
     bus = Bus(parameters)
-    with patch.dict(sys.modules, make_modules(bus)):
-        sys.modules.pop("strand_ros.node", None)
+    modules = make_modules(bus)
+    assert not set(modules) & set(sys.modules)
+    sys.modules.update(modules)
+    try:
         module = importlib.import_module("strand_ros.node")
         with patch.object(module, "time", SimpleNamespace(monotonic=lambda: bus.now / SECOND)):
             yield bus, module.RopeNode()
-        sys.modules.pop("strand_ros.node", None)
+    finally:
+        for name in ("strand_ros.node", *modules):
+            sys.modules.pop(name, None)
 
 
 def read_points(cloud: Any) -> np.ndarray:
