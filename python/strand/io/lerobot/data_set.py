@@ -149,9 +149,7 @@ class DataSet:
             raise FileFormatError(path, f"no row with index {frame}, a frame of episode {episode}")
         time = float(self._rows.times[row])
         if not 0.0 <= time <= 1e9:
-            raise FileFormatError(
-                path, f"expected seconds since the episode's begin, got {time}", "timestamp"
-            )
+            raise FileFormatError(path, f"expected seconds in the episode, got {time}", "timestamp")
         return row, time
 
     def _read_video(self, key: str, episode: int, frame: int) -> NDArray[Any]:
