@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import importlib
 
-from shared.tricks import Trick, arrays, bag_files, clouds, documents, images, mcap_files, messages, shards
+from shared.tricks import (
+    Trick,
+    arrays,
+    bag_files,
+    clouds,
+    data_sets,
+    documents,
+    images,
+    mcap_files,
+    messages,
+    shards,
+)
 
 _LATE = (
     "PIL.BmpImagePlugin",
@@ -12,6 +23,7 @@ _LATE = (
     "PIL.PngImagePlugin",
     "PIL.PpmImagePlugin",
     "PIL.TiffImagePlugin",
+    "av",
     "lz4.frame",
     "pyarrow.parquet",
     "backports.zstd",
@@ -27,5 +39,5 @@ def load_modules() -> None:
 
 def list_tricks() -> list[Trick]:
     """Return all tricks."""
-    rooms = (images, arrays, clouds, documents, mcap_files, messages, bag_files, shards)
+    rooms = (images, arrays, clouds, documents, mcap_files, messages, bag_files, shards, data_sets)
     return [trick for room in rooms for trick in room.list_tricks()]
