@@ -22,7 +22,7 @@ def make_urdf(chains: Sequence[Line], error: float) -> bytes:
         name = f"rope_{number}"
         link = ElementTree.SubElement(robot, "link", name=name)
         for kind in ("visual", "collision"):
-            for i, (origin, shape) in enumerate(_make_shapes(capsules, number)):
+            for i, (origin, shape) in enumerate(make_shapes(capsules, number)):
                 part = ElementTree.SubElement(link, kind, name=f"{name}_{kind}_{i}")
                 ElementTree.SubElement(part, "origin", origin)
                 ElementTree.SubElement(ElementTree.SubElement(part, "geometry"), *shape)
@@ -32,7 +32,7 @@ def make_urdf(chains: Sequence[Line], error: float) -> bytes:
     return format_document(robot)
 
 
-def _make_shapes(
+def make_shapes(
     capsules: Capsules, number: int
 ) -> Iterator[tuple[dict[str, str], tuple[str, dict[str, str]]]]:
     """Yield a rope's cylinders, and the spheres at their ends, as many readers know no capsules."""

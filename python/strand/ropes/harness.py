@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import os
 from collections import Counter
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
@@ -10,6 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import rustworkx as rx
 
+from strand.export.harness_files import (
+    Branch,
+    format_edges,
+    format_graphml,
+    make_harness_mjcf,
+    make_harness_urdf,
+)
 from strand.ropes.chain import Chain
 from strand.ropes.net_matching import match_netlist
 from strand.ropes.netlist import Netlist, NetMatch
@@ -23,6 +32,7 @@ from strand.support.checks import (
     check_small_array,
     freeze_array,
 )
+from strand.support.files import check_suffix, write_bytes
 from strand.support.lazy import lazy_property
 
 if TYPE_CHECKING:
@@ -299,6 +309,94 @@ class Harness:
         check_instance("net", net, Netlist)
         found = [(edge.start, edge.stop, edge.length, edge.radius, edge.wires) for edge in self.edges]
         return match_netlist(net, found, check_positive("tolerance", tolerance, 1.0))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the graph to a file, whole or not at all; an existing file is replaced.
+
+        Parameters
+        ----------
+        path : str or path-like
+            A `.graphml` holds nodes with their places and edges with their lengths, radii and wires. A `.csv`
+            has a row for each edge. Lengths are in metres.
+
+        Raises
+        ------
+        ValueError
+            If the name ends with neither.
+        OSError
+            If the file cannot be written; of the other `save_` methods too.
+        """
+        if check_suffix(path, ("graphml", "csv")) == "csv":
+            rows = [
+                (edge.id, edge.start, edge.stop, edge.length, edge.radius, edge.radius_sd, edge.wires)
+                for edge in self.edges
+            ]
+            write_bytes(path, format_edges(rows))
+            return
+        nodes = [
+            {
+                "id": node.id,
+                "kind": node.kind,
+                **dict(zip("xyz", node.position.tolist(), strict=True)),
+                "confidence": None if math.isnan(node.confidence) else node.confidence,
+            }
+            for node in self.nodes
+        ]
+        names = ("id", "start", "stop", "length", "radius", "radius_sd", "wires")
+        edges = [{name: getattr(edge, name) for name in names} for edge in self.edges]
+        write_bytes(path, format_graphml(nodes, edges))
+
+    def save_urdf(self, path: str | os.PathLike[str], error: float = 5e-4) -> None:
+        """Write the harness as a rigid tree to a URDF file, fixed to the link `world`.
+
+        Each node has a link such as `node_0`, a frame along the world's axes, and each edge one such as
+        `edge_0`, welded to the node where it starts. Shapes are those of `Model.save_urdf`.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Its name ends with `.urdf`.
+        error : float
+            As in `Model.capsules`, metres.
+        """
+        check_suffix(path, ("urdf",))
+        places = np.reshape([node.position for node in self.nodes], (-1, 3))
+        write_bytes(path, make_harness_urdf(places, self._list_trees(), error))
+
+    def save_mjcf(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        spacing: float | None = None,
+        density: float = 1000.0,
+        young: float = 1e6,
+    ) -> None:
+        """Write the harness as a MuJoCo model of capsules that bends and falls.
+
+        Bodies such as `edge_0_3` hang in each other with ball joints; the first of each edge is welded to its
+        junction. An equality holds edges that close a cycle. The harness touches other things, not itself.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Its name ends with `.xml`.
+        spacing, density, young : optional
+            As in `Model.save_mjcf`.
+        """
+        check_suffix(path, ("xml",))
+        places = np.reshape([node.position for node in self.nodes], (-1, 3))
+        write_bytes(path, make_harness_mjcf(places, self._list_trees(), spacing, density, young))
+
+    def _list_trees(self) -> list[tuple[int, list[Branch]]]:
+        """Return the first node of each part with all its edges: a tree, then those that close cycles."""
+        trees: list[tuple[int, list[Branch]]] = []
+        for part in rx.connected_components(self._graph):
+            root = min(part)
+            tree = list(self.tree(root))
+            inside = {edge.id for edge in tree}
+            tree += [edge for edge in self.edges if edge.start in part and edge.id not in inside]
+            trees.append((root, [Branch(edge.id, edge.start, edge.stop, edge.chain) for edge in tree]))
+        return trees
 
     def _find_ways(self, start: int) -> dict[int, list[int]]:
         """Return the nodes along the shortest way from a node to each node that edges join to it."""

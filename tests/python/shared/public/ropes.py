@@ -47,7 +47,7 @@ def list_calls(folder: Path) -> dict[str, Call]:
         _list_functions()
         | _list_chain()
         | _list_model(folder)
-        | _list_harness()
+        | _list_harness(folder)
         | _list_curve()
         | _list_doubts()
     )
@@ -255,13 +255,19 @@ def _list_model(folder: Path) -> dict[str, Call]:
     }
 
 
-def _list_harness() -> dict[str, Call]:
+def _list_harness(folder: Path) -> dict[str, Call]:
     harness = make_harness([(0, 1), (1, 2), (1, 3)])
     return {
         "Harness": Call(Harness, {"nodes": harness.nodes, "edges": harness.edges}),
         "Harness.path": Call(harness.path, {"a": 0, "b": 2}),
         "Harness.length": Call(harness.length, {"a": 0, "b": 2}),
         "Harness.branches_at": Call(harness.branches_at, {"node": 1}),
+        "Harness.save": Call(harness.save, {"path": folder / "harness.graphml"}),
+        "Harness.save_urdf": Call(harness.save_urdf, {"path": folder / "harness.urdf", "error": 1e-3}),
+        "Harness.save_mjcf": Call(
+            harness.save_mjcf,
+            {"path": folder / "harness.xml", "spacing": 0.02, "density": 1000.0, "young": 1e6},
+        ),
         "Harness.match": Call(harness.match, {"net": NET, "tolerance": 0.05}),
         "Netlist": Call(strand.Netlist, {"edges": BRANCHES, "wires": (1, 2, 3)}),
         "Harness.tree": Call(harness.tree, {"root": 1}),
