@@ -32,7 +32,7 @@ def check_outputs(options: argparse.Namespace, inputs: Sequence[Path]) -> None:
     if options.figures is not None:
         require_folder(options.figures)
     if options.out is not None and options.every is None:
-        check_suffix(options.out, SUFFIXES)
+        check_suffix(options.out, (*SUFFIXES, "mcap"))
     if options.tube is not None:
         check_suffix(options.tube, ("ply",))
     if options.every is not None:

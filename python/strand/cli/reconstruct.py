@@ -26,6 +26,7 @@ from strand.cli.progress import show_progress
 from strand.io.recordings import Recording
 from strand.io.scenes import Scene
 from strand.report import figures, tables
+from strand.report.scene_updates import write_mcap
 from strand.ropes.model import describe_model
 from strand.support.files import replace_file
 
@@ -43,7 +44,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         type=values.parse_path,
         metavar="MODEL",
         help="write the model: .json, .csv (one row per node), .ply (one polyline per rope) or .usda "
-        "(deformable curves); with --every, one line of JSON per frame",
+        "(deformable curves), or .mcap for the viewer Foxglove; with --every, .mcap has all frames, and any "
+        "other file one line of JSON per frame",
     )
     command.add_argument(
         "--tube",
@@ -103,7 +105,10 @@ def _print_tables(model: strand.Model, estimated: bool) -> None:
 def _write_outputs(options: argparse.Namespace, model: strand.Model, scene: Scene) -> Iterator[Path]:
     """Write the requested files, and yield the path of each."""
     if options.out is not None:
-        model.save(options.out)
+        if _is_mcap(options.out):
+            write_mcap([model], options.out)
+        else:
+            model.save(options.out)
         yield options.out
     if options.tube is not None:
         model.save_tube(options.tube)
@@ -114,40 +119,56 @@ def _write_outputs(options: argparse.Namespace, model: strand.Model, scene: Scen
         yield from drawn
 
 
+def _is_mcap(path: Path) -> bool:
+    return path.suffix.lower() == ".mcap"
+
+
 def _reconstruct_frames(options: argparse.Namespace, recording: Recording) -> None:
     """Print a line for each frame, and write its model or the reason why it has none."""
+    frames = _answer_frames(options, recording)
+    if options.out is not None and _is_mcap(options.out):
+        write_mcap((model for _, model in frames if model is not None), options.out)
+    else:
+        with nullcontext() if options.out is None else replace_file(options.out) as file:
+            for line, _ in frames:
+                if file is not None:
+                    file.write(line.encode() + b"\n")
+    if options.out is not None and not options.json:
+        print(options.out)
+
+
+def _answer_frames(
+    options: argparse.Namespace, recording: Recording
+) -> Iterator[tuple[str, strand.Model | None]]:
+    """Print a line for each frame; yield its line of JSON, and its model if it supports one."""
     arguments = collect_arguments(options)
     previous, answered, count = None, False, 0
     first, stop = choose_frames(options, recording)
     episode = range(0)
-    with nullcontext() if options.out is None else replace_file(options.out) as file:
-        for frame in recording.read(first, stop, options.every):
-            count += 1
-            if frame.number not in episode:
-                # the ropes of another episode have an order of their own
-                previous = None
-                episode = next((one for one in recording.episodes if frame.number in one), range(sys.maxsize))
-            record: dict[str, object] = {"frame": frame.number, "stamp": frame.stamp}
-            model = None
-            try:
-                with show_progress(f"frame {frame.number}"):
-                    model = strand.reconstruct(frame.views, **arguments, previous=previous)
-            except strand.NotEnoughDataError as error:
-                record["error"] = summary = str(error)
-            else:
-                record["model"] = describe_model(model)
-                summary = tables.describe_frame(model)
-            line = json.dumps(record, allow_nan=False)
-            words = f"frame {frame.number} at {frame.time:.3f} s: {summary}"
-            print(line if options.json else words, flush=True)
-            if model is not None:
-                previous, answered = model, True
-                print_remarks(model, f"frame {frame.number}: ")
-            if file is not None:
-                file.write(line.encode() + b"\n")
-        if not count:
-            raise ValueError(describe_missing_frame(first, len(recording)))
-        if not answered:
-            raise strand.NotEnoughDataError(f"none of {count} frames supports an answer")
-    if options.out is not None and not options.json:
-        print(options.out)
+    for frame in recording.read(first, stop, options.every):
+        count += 1
+        if frame.number not in episode:
+            # the ropes of another episode have an order of their own
+            previous = None
+            episode = next((one for one in recording.episodes if frame.number in one), range(sys.maxsize))
+        record: dict[str, object] = {"frame": frame.number, "stamp": frame.stamp}
+        model = None
+        try:
+            with show_progress(f"frame {frame.number}"):
+                model = strand.reconstruct(frame.views, **arguments, previous=previous)
+        except strand.NotEnoughDataError as error:
+            record["error"] = summary = str(error)
+        else:
+            record["model"] = describe_model(model)
+            summary = tables.describe_frame(model)
+        line = json.dumps(record, allow_nan=False)
+        words = f"frame {frame.number} at {frame.time:.3f} s: {summary}"
+        print(line if options.json else words, flush=True)
+        if model is not None:
+            previous, answered = model, True
+            print_remarks(model, f"frame {frame.number}: ")
+        yield line, model
+    if not count:
+        raise ValueError(describe_missing_frame(first, len(recording)))
+    if not answered:
+        raise strand.NotEnoughDataError(f"none of {count} frames supports an answer")

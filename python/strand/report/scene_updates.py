@@ -1,11 +1,11 @@
-"""Show models in Foxglove: an MCAP file of scene updates, with a line for each rope and its crossings."""
+"""Show models in Foxglove: an MCAP file of scene updates, with lines, crossings and arrows of the ropes."""
 
 from __future__ import annotations
 
 import json
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,10 +13,20 @@ import numpy as np
 from strand._core import __version__
 from strand.report.drawn_chains import close_path, pick_color
 from strand.report.mcap_file import McapFile
+from strand.report.scene_arrows import draw_direction, draw_grasps, draw_pulls, make_point
 from strand.report.tracks import TrackedRope, cut_rope
 from strand.ropes.chain import Chain
+from strand.ropes.crossings import Crossing
+from strand.ropes.grasps import Gripper
 from strand.ropes.model import Model, list_model_crossings
-from strand.support.checks import Array, check_nonnegative, check_path, check_text
+from strand.support.checks import (
+    Array,
+    check_bool,
+    check_instance,
+    check_nonnegative,
+    check_path,
+    check_text,
+)
 from strand.support.files import check_suffix, replace_file
 from strand.support.stamps import SECOND, count_nanoseconds
 
@@ -25,7 +35,6 @@ Message = dict[str, Any]
 _KIND = "foxglove.SceneUpdate"
 _LINE_STRIP = 0  # type of a line
 _MATCHING_ID = 0  # type of a deletion
-_DECIMALS = 6  # of metres: micrometres
 _CROSSINGS = "crossings"
 _CROSSING = {"r": 1.0, "g": 0.5, "b": 0.05, "a": 0.8}  # orange
 _HIDDEN = {"r": 0.54, "g": 0.54, "b": 0.54, "a": 1.0}  # grey: predicted parts
@@ -43,13 +52,16 @@ def write_mcap(
     frame_id: str = "world",
     topic: str = "/ropes",
     lifetime: float = 0.0,
+    pulls: bool = False,
+    gripper: Gripper | None = None,
 ) -> None:
     """Write models as `foxglove.SceneUpdate` messages in JSON to an MCAP file, one at each `Model.stamp`.
 
     Each rope is an entity such as `rope_0` with a line as thick as the rope, in its colour, or one of a
     palette where that is not known. The number is that of the chain, or of the tracked rope. What is
-    predicted of a tracked rope is grey. The entity `crossings` has a sphere at each crossing, with the
-    probability of its order. A rope that the next model lacks is deleted.
+    predicted of a tracked rope is grey. An arrow in the middle of a rope points to its last node. The entity
+    `crossings` has a sphere at each crossing, with the probability of its order. On request, `pulls` and
+    `grasps` have arrows. A rope that the next model lacks is deleted.
 
     Parameters
     ----------
@@ -62,6 +74,10 @@ def write_mcap(
     topic : str
     lifetime : float
         Seconds from its stamp after which a viewer removes a rope; with 0 it stays until the next model.
+    pulls : bool
+        Whether red arrows show the moves of `Model.pull_plan`. All but the first are faint.
+    gripper : Gripper, optional
+        A green arrow shows the approach of its best grasp of each rope, see `Model.grasps`.
 
     Raises
     ------
@@ -81,6 +97,9 @@ def write_mcap(
         check_text("frame_id", frame_id),
         check_text("topic", topic),
     )
+    pulls = check_bool("pulls", pulls)
+    if gripper is not None:
+        check_instance("gripper", gripper, Gripper)
     lasting = _split(min(check_nonnegative("lifetime", lifetime), _LATEST))
     before: list[str] = []
     unstamped = False
@@ -95,49 +114,70 @@ def write_mcap(
             at = 0.0 if model.stamp is None else model.stamp
             if not 0.0 <= at < _LATEST:
                 raise ValueError(f"models[{number}].stamp: expected seconds from 0 to {_LATEST}, got {at:g}")
-            update = _make_update(model, at, frame, lasting, before)
-            before = [entity["id"] for entity in update["entities"]]
+            entities = [*_draw_ropes(model), *_draw_plans(model, pulls, gripper)]
+            update = _make_update(entities, at, frame, lasting, before)
+            before = [entity["id"] for entity in entities]
             written.add(count_nanoseconds(at), json.dumps(update, allow_nan=False).encode())
         written.end()
 
 
-def _make_update(model: Model, at: float, frame: str, lasting: Message, before: list[str]) -> Message:
-    """Return the message of a model; `before` are the entities of the last one."""
+def _make_update(
+    entities: list[Message], at: float, frame: str, lasting: Message, before: list[str]
+) -> Message:
+    """Return the message of a model's entities; `before` are the names of those of the last one."""
     common = {"timestamp": _split(at), "frame_id": frame, "lifetime": lasting, "frame_locked": False}
     common |= {name: [] for name in _FLAT}
-    entities = []
+    names = {entity["id"] for entity in entities}
+    gone = [
+        {"timestamp": _split(at), "type": _MATCHING_ID, "id": name} for name in before if name not in names
+    ]
+    return {"deletions": gone, "entities": [common | entity for entity in entities]}
+
+
+def _draw_ropes(model: Model) -> Iterator[Message]:
     for i, chain in enumerate(model.chains):
         number = chain.number if isinstance(chain, TrackedRope) else i
         facts = {"length": f"{chain.length:.4f} m", "radius": f"{chain.radius:.5f} m"}
         if not math.isnan(chain.confidence):
             facts["confidence"] = f"{chain.confidence:.3f}"
-        metadata = [{"key": key, "value": value} for key, value in facts.items()]
-        lines = _draw_lines(chain, number)
-        entities.append({**common, "id": f"rope_{number}", "metadata": metadata, "lines": lines})
-    entities.append({**common, "id": _CROSSINGS, **_draw_crossings(model)})
-    names = {entity["id"] for entity in entities}
-    gone = [
-        {"timestamp": _split(at), "type": _MATCHING_ID, "id": name} for name in before if name not in names
-    ]
-    return {"deletions": gone, "entities": entities}
+        color = _choose_color(chain, number)
+        yield {
+            "id": f"rope_{number}",
+            "metadata": [{"key": key, "value": value} for key, value in facts.items()],
+            "lines": _draw_lines(chain, color),
+            "arrows": [draw_direction(chain, color)],
+        }
 
 
-def _draw_lines(chain: Chain, number: int) -> list[Message]:
-    shown, hidden = [close_path(chain)], list[Array]()
-    if isinstance(chain, TrackedRope):
-        shown, hidden = cut_rope(chain, False), cut_rope(chain, True)
+def _draw_plans(model: Model, pulls: bool, gripper: Gripper | None) -> Iterator[Message]:
+    """Yield the entities that need crossings; nothing is drawn if there are too many to list."""
+    crossings = list_model_crossings(model)
+    yield {"id": _CROSSINGS, **_draw_crossings(model, crossings or ())}
+    if pulls and crossings is not None:
+        yield {"id": "pulls", "arrows": draw_pulls(model, crossings)}
+    if gripper is not None and crossings is not None:
+        yield {"id": "grasps", "arrows": draw_grasps(model, crossings, gripper)}
+
+
+def _choose_color(chain: Chain, number: int) -> Message:
     shares = chain.color
     if shares is None:
         shares = np.array(tuple(bytes.fromhex(pick_color(number)[1:]))) / 255.0
     red, green, blue = np.round(shares, 3).tolist()
-    color = {"r": red, "g": green, "b": blue, "a": 1.0}
+    return {"r": red, "g": green, "b": blue, "a": 1.0}
+
+
+def _draw_lines(chain: Chain, color: Message) -> list[Message]:
+    shown, hidden = [close_path(chain)], list[Array]()
+    if isinstance(chain, TrackedRope):
+        shown, hidden = cut_rope(chain, False), cut_rope(chain, True)
     return [
         {
             "type": _LINE_STRIP,
             "pose": _make_pose(np.zeros(3)),
             "thickness": 2.0 * chain.radius,
             "scale_invariant": False,
-            "points": [_make_point(node) for node in path],
+            "points": [make_point(node) for node in path],
             "color": own,
             "colors": [],
             "indices": [],
@@ -147,9 +187,9 @@ def _draw_lines(chain: Chain, number: int) -> list[Message]:
     ]
 
 
-def _draw_crossings(model: Model) -> dict[str, list[Message]]:
+def _draw_crossings(model: Model, crossings: Sequence[Crossing]) -> dict[str, list[Message]]:
     spheres, texts = [], []
-    for crossing in list_model_crossings(model) or ():
+    for crossing in crossings:
         radius = model.chains[crossing.over[0]].radius
         size = dict.fromkeys("xyz", 2.0 * _MARK * radius)
         spheres.append({"pose": _make_pose(crossing.place), "size": size, "color": _CROSSING})
@@ -172,12 +212,8 @@ def _split(seconds: float) -> Message:
     return {"sec": sec, "nsec": nsec}
 
 
-def _make_point(place: Array) -> Message:
-    return dict(zip("xyz", np.round(place, _DECIMALS).tolist(), strict=True))
-
-
 def _make_pose(place: Array) -> Message:
-    return {"position": _make_point(place), "orientation": dict.fromkeys("xyz", 0.0) | {"w": 1.0}}
+    return {"position": make_point(place), "orientation": dict.fromkeys("xyz", 0.0) | {"w": 1.0}}
 
 
 def _make_schema() -> Message:
@@ -193,10 +229,13 @@ def _make_schema() -> Message:
         "font_size": "number",
         "scale_invariant": "boolean",
     }
+    arrow: Message = {"pose": pose, "color": color}
+    arrow |= {f"{part}_{size}": "number" for part in ("shaft", "head") for size in ("length", "diameter")}
     entity: Message = {"timestamp": time, "frame_id": "string", "id": "string", "lifetime": time}
     entity |= {"frame_locked": "boolean"} | {name: [{}] for name in _FLAT}
     entity |= {
         "metadata": [{"key": "string", "value": "string"}],
+        "arrows": [arrow],
         "spheres": [{"pose": pose, "size": point, "color": color}],
         "lines": [line],
         "texts": [text | {"color": color, "text": "string"}],

@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 import strand
 from lib.bag_files import (
@@ -112,6 +113,29 @@ def test_every_frame_is_a_line_of_json(tmp_path, capsys):
     assert [json.loads(line)["frame"] for line in printed.splitlines()] == [0, 2]
 
 
+def test_frames_are_scene_updates_at_their_times(tmp_path, capsys):
+    path = write_bag(tmp_path / "rope", "mcap", record_film(SCENE, 3))
+    out, lines = tmp_path / "ropes.mcap", tmp_path / "frames.jsonl"
+    command = ["reconstruct", str(path), *KNOWN, "--every", "2"]
+    assert main([*command, "-o", str(lines)]) == main([*command, "-o", str(out)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == str(out)
+    answers = [json.loads(line) for line in lines.read_text().splitlines()]
+    with out.open("rb") as file:
+        found = [
+            (message.log_time, json.loads(message.data)) for *_, message in make_reader(file).iter_messages()
+        ]
+    assert [time for time, _ in found] == pytest.approx([one["stamp"] for one in answers], abs=1000)
+    for answer, (_, update) in zip(answers, found, strict=True):
+        points = [[one[axis] for axis in "xyz"] for one in update["entities"][0]["lines"][0]["points"]]
+        np.testing.assert_allclose(points, answer["model"]["chains"][0]["points"], atol=1e-6)
+    # one frame, and a scene without a time
+    assert main(["reconstruct", str(path), *KNOWN, "-o", str(out)]) == 0
+    SCENE.save(tmp_path / "scene.npz")
+    assert main(["reconstruct", str(tmp_path / "scene.npz"), "-o", str(out)]) == 0
+    with out.open("rb") as file:
+        assert [message.log_time for *_, message in make_reader(file).iter_messages()] == [0]
+
+
 def test_frames_without_an_answer_leave_no_file(tmp_path, capsys):
     made = Messages()
     image = made.image(np.zeros(SIZE, np.uint16), START)
@@ -122,7 +146,8 @@ def test_frames_without_an_answer_leave_no_file(tmp_path, capsys):
     assert main(["reconstruct", str(path), *RADIUS, "--every", "1", "-o", str(out)]) == 1
     assert "none of 1 frames supports an answer" in capsys.readouterr().err
     assert out.read_text() == "before"
-    assert not list(tmp_path.glob(".strand-*"))
+    assert main(["reconstruct", str(path), *RADIUS, "--every", "1", "-o", str(tmp_path / "a.mcap")]) == 1
+    assert not [*tmp_path.glob(".strand-*"), *tmp_path.glob("a.mcap")]
 
 
 def test_a_recording_without_camera_info_is_read_with_intrinsics(tmp_path, capsys):

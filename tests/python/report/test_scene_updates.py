@@ -8,6 +8,7 @@ import jsonschema
 import numpy as np
 import pytest
 from mcap.reader import NonSeekingReader, SeekingReader, make_reader
+from scipy.spatial.transform import Rotation
 
 import strand
 from shared.tracks import make_tracks
@@ -89,6 +90,50 @@ def test_a_crossing_has_the_probability_of_its_order(tmp_path):
     assert text["text"] == f"{crossing.probability:.2f}"
     assert text["pose"]["position"]["z"] > place[2]
     assert find_entity(second, "crossings")["texts"] == []
+
+
+def read_arrow(arrow):
+    """Return an arrow's tail, direction and length: the direction is the x axis turned by a quaternion."""
+    place, turn = arrow["pose"]["position"], arrow["pose"]["orientation"]
+    rotation = Rotation.from_quat([turn[axis] for axis in "xyzw"])
+    tail = np.array([place[axis] for axis in "xyz"])
+    return tail, rotation.apply([1.0, 0.0, 0.0]), arrow["shaft_length"] + arrow["head_length"]
+
+
+def test_arrows_point_along_ropes(tmp_path):
+    rng = np.random.default_rng(0)
+    directions = [*rng.normal(size=(8, 3)), *np.eye(3), *-np.eye(3)]
+    chains = [strand.Chain(np.linspace(-0.1, 0.1, 21)[:, None] * way, R) for way in directions]
+    write_mcap([strand.Model(chains, np.empty((0, 4, 4)))], tmp_path / "a.mcap")
+    ((_, message),) = read_own(tmp_path / "a.mcap")
+    for number, chain in enumerate(chains):
+        (arrow,) = find_entity(message, f"rope_{number}")["arrows"]
+        tail, ahead, length = read_arrow(arrow)
+        np.testing.assert_allclose(ahead, chain.tangent_at(0.0), atol=1e-9)
+        np.testing.assert_allclose(tail + length * ahead, chain.at(0.5 * chain.length), atol=1e-6)
+
+
+def test_arrows_of_pulls_and_grasps(tmp_path):
+    gripper = strand.Gripper(0.03, 0.006, 0.004, 0.03)
+    write_mcap(MODELS, tmp_path / "a.mcap", pulls=True, gripper=gripper)
+    (_, first), (_, second) = read_own(tmp_path / "a.mcap")
+    (pull,) = MODELS[0].pull_plan().pulls
+    tail, ahead, length = read_arrow(find_entity(first, "pulls")["arrows"][0])
+    np.testing.assert_allclose(tail, pull.place, atol=1e-6)
+    np.testing.assert_allclose(length * ahead, pull.distance * pull.direction, atol=1e-9)
+    assert find_entity(second, "pulls")["arrows"] == []
+    best = {}
+    for grasp in MODELS[0].grasps(gripper):
+        best.setdefault(grasp.chain, grasp)
+    arrows = find_entity(first, "grasps")["arrows"]
+    assert len(arrows) == len(best) == 2
+    for arrow, grasp in zip(arrows, best.values(), strict=True):
+        tail, ahead, length = read_arrow(arrow)
+        np.testing.assert_allclose(ahead, grasp.approach, atol=1e-9)
+        np.testing.assert_allclose(tail + length * ahead, grasp.pose[:3, 3], atol=1e-6)
+    write_mcap(MODELS, tmp_path / "a.mcap")
+    names = {entity["id"] for _, message in read_own(tmp_path / "a.mcap") for entity in message["entities"]}
+    assert names == {"rope_0", "rope_1", "crossings"}
 
 
 def test_what_is_predicted_of_a_tracked_rope_is_grey(tmp_path):

@@ -228,7 +228,8 @@ def _list_pictures(folder: Path) -> dict[str, Call]:
         "figures.write_mcap": written(
             "write_mcap",
             "ropes.mcap",
-            {"models": [model], "frame_id": "table", "topic": "/rope", "lifetime": 1.0},
+            {"models": [model], "frame_id": "table", "topic": "/rope", "lifetime": 1.0}
+            | {"pulls": True, "gripper": strand.Gripper(0.05, 0.01, 0.01, 0.04)},
         ),
         "figures.write_recording": written("write_recording", "model.rrd", shown),
         "figures.show": Call(show, shown),
