@@ -23,6 +23,9 @@ _AROUND = 0.3  # of the extent of ropes: the surroundings that are drawn too
 _MOSTLY_ROPES = 0.8  # share of the points around ropes: with more in the ropes a cloud shows ropes alone
 _CLOSING = 1.0  # pixels: radius of the disc that closes holes of a mask without many
 _MIN_DENSITY = 0.2  # share of pixels with depth beside others with depth: sparser masks are not closed more
+_FILLINGS = 3  # times that gaps are filled at most
+_MAX_THINNED = 0.9  # share of pixels with depth between others with depth: fuller images have no gaps to fill
+_MIN_BESIDE = 5.0  # of the eight pixels beside a gap have depth, over that share; beside an edge fewer have
 
 
 def draw_cloud(view: View) -> DepthImage:
@@ -60,12 +63,52 @@ def find_mask(view: View, image: DepthImage) -> NDArray[np.bool_]:
 
 def close_holes(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(H, W) Return a mask closed by a disc that is wider the sparser its pixels are."""
-    beside = int(np.count_nonzero(mask[1:] & mask[:-1]) + np.count_nonzero(mask[:, 1:] & mask[:, :-1]))
-    density = beside / (2.0 * max(int(np.count_nonzero(mask)), 1))
-    reach = _CLOSING / math.sqrt(max(float(density), _MIN_DENSITY))
+    reach = _CLOSING / math.sqrt(max(_measure_density(mask), _MIN_DENSITY))
     most = math.ceil(reach) + 2
     wide = _core.measure_edge_distances(~mask, most) <= reach
     return np.asarray(mask | (_core.measure_edge_distances(wide, most) > reach))
+
+
+def fill_thinned(image: DepthImage) -> DepthImage:
+    """Return an image in which pixels between those with depth have the median depth of the ones beside them.
+
+    Clouds with fewer points than pixels, picked at random, have such gaps. Other images stay as they are.
+    """
+    depth = image.depth
+    for _ in range(_FILLINGS):
+        density = _measure_fullness(depth > 0)
+        if density > _MAX_THINNED:
+            break
+        depth = _fill_gaps(depth, density)
+    return image if depth is image.depth else replace(image, depth=depth)
+
+
+def _fill_gaps(depth: Array, density: float) -> Array:
+    """(H, W) Return depths with gaps filled where enough of the eight pixels beside a gap have depth."""
+    padded = np.pad(depth, 1)
+    rows, columns = np.nonzero(depth == 0)
+    places = [(row, column) for row in range(3) for column in range(3) if (row, column) != (1, 1)]
+    beside = np.stack([padded[rows + row, columns + column] for row, column in places])
+    counts = np.count_nonzero(beside, axis=0)
+    inside = counts >= max(_MIN_BESIDE * density, 2.0)
+    beside, counts = np.sort(beside[:, inside], axis=0), counts[inside]
+    filled = depth.copy()
+    # zeros come first, and the median is one of the depths
+    filled[rows[inside], columns[inside]] = beside[len(places) - 1 - counts // 2, np.arange(len(counts))]
+    return filled
+
+
+def _measure_fullness(mask: NDArray[np.bool_]) -> float:
+    """Return the share of the pixels between two of a mask, beside or below each other, that are in it."""
+    between = [(mask[:, :-2] & mask[:, 2:], mask[:, 1:-1]), (mask[:-2] & mask[2:], mask[1:-1])]
+    full = sum(int(np.count_nonzero(around & inner)) for around, inner in between)
+    return full / max(sum(int(np.count_nonzero(around)) for around, _ in between), 1)
+
+
+def _measure_density(mask: NDArray[np.bool_]) -> float:
+    """Return the share of the pixels right of and below those of a mask that are in it too."""
+    beside = int(np.count_nonzero(mask[1:] & mask[:-1]) + np.count_nonzero(mask[:, 1:] & mask[:, :-1]))
+    return beside / (2.0 * max(int(np.count_nonzero(mask)), 1))
 
 
 def _select_around(points: Array, ropes: Array) -> Array:

@@ -7,7 +7,8 @@ import pytest
 
 import strand
 from strand.synthetic import Camera, Segmentation, scene
-from strand.views.cloud_images import close_holes, draw_cloud, draw_ropes
+from strand.views.cloud_images import close_holes, draw_cloud, draw_ropes, fill_thinned
+from strand.views.depth_image import DepthImage
 
 SCENE = scene("loop", seed=2, views=1, camera=Camera("zed"), mask=Segmentation())
 VIEW = SCENE.views[0]
@@ -54,3 +55,31 @@ def test_surroundings_are_drawn_and_not_marked():
     image, _ = draw_ropes(strand.View(VIEW.points, VIEW.pose), whole)
     assert np.count_nonzero(image.mask) == len(VIEW.points)
     assert np.count_nonzero(image.depth) > 2 * len(VIEW.points)
+
+
+@pytest.mark.parametrize("share", [0.8, 0.6, 0.4])
+def test_gaps_of_thinned_clouds_are_filled_by_depths_beside_them(share):
+    rng = np.random.default_rng(3)
+    true = np.zeros((60, 80))
+    true[5:55, 5:75] = 1.0
+    true[25:35, 5:75] = 0.9
+    kept = (true > 0) & (rng.random(true.shape) < share)
+    image = DepthImage(np.where(kept, true, 0.0), VIEW.image.camera, np.eye(4))
+    filled = fill_thinned(image).depth
+    assert np.array_equal(filled[kept], true[kept])
+    assert np.mean(filled[true > 0] > 0) > 0.75
+    # one pixel of noise at edges, no depth between the surfaces
+    assert set(np.unique(filled)) == {0.0, 0.9, 1.0}
+    low, high = (np.isin(np.arange(60), rows) for rows in ([*range(8, 22), *range(38, 52)], range(28, 32)))
+    assert np.all(filled[low][:, 8:72][filled[low][:, 8:72] > 0] == 1.0)
+    assert np.all(filled[high][:, 8:72][filled[high][:, 8:72] > 0] == 0.9)
+    assert not filled[[*range(3), *range(57, 60)]].any()
+
+
+def test_full_clouds_and_their_gaps_stay_as_they_are():
+    image = draw_cloud(strand.View(VIEW.points, VIEW.pose))
+    assert fill_thinned(image) is image
+    depth = np.ones((40, 40))
+    depth[10:20, 10:20] = 0.0
+    shadowed = DepthImage(depth, VIEW.image.camera, np.eye(4))
+    assert fill_thinned(shadowed) is shadowed

@@ -20,6 +20,7 @@ from strand.reconstruction.radius import Radii
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
 from strand.views.box import Bounds, Box, make_box
+from strand.views.cloud_images import fill_thinned
 from strand.views.depth_image import DepthImage
 from strand.views.extract import Extract, extract_views
 from strand.views.view import View, masked
@@ -241,7 +242,7 @@ def segment_views(extract: Extract, radii: Array | None) -> tuple[FoundRopes, di
     tops = {
         k: top
         for k, image in enumerate(extract.whole_images)
-        if image is not None and (top := find_tabletop(image, extract.bounds)) is not None
+        if image is not None and (top := find_tabletop(_fill(extract, k, image), extract.bounds)) is not None
     }
     found = list(extract.whole)
     tables: list[Plane | None] = [None] * len(found)
@@ -259,7 +260,8 @@ def segment_views(extract: Extract, radii: Array | None) -> tuple[FoundRopes, di
         low_strips += find_low_strips(top, standing, thin)
         mask, things = segment_ropes(top, replace(top.image, labels=standing), thick, k)
         others += [thing for thing in things if extract.bounds is None or extract.bounds.holds(thing.place)]
-        shown.append(replace(top.image, labels=mask & top.inside))
+        given = extract.whole_images[k] or top.image
+        shown.append(replace(given, labels=mask & top.inside))
         tables[k] = top.plane
         found[k] = masked(found[k], shown[-1])
     own = estimate_strip_radius(shown)
@@ -270,6 +272,11 @@ def segment_views(extract: Extract, radii: Array | None) -> tuple[FoundRopes, di
     pictures = {k: image for k, image in zip(tops, shown, strict=True) if extract.whole[k].image is None}
     ropes = FoundRopes(tuple(found), width, tuple(tables), tuple(others), low_strips=tuple(low_strips))
     return ropes, pictures
+
+
+def _fill(extract: Extract, number: int, image: DepthImage) -> DepthImage:
+    """Return a view's image; an image made of points is filled where these were thinned."""
+    return fill_thinned(image) if extract.whole[number].image is None else image
 
 
 def _measure_area(image: DepthImage) -> float:

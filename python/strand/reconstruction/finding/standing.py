@@ -15,6 +15,7 @@ from strand.reconstruction.images.table_plane import find_table
 from strand.support.checks import Array
 from strand.support.robust import estimate_deviation
 from strand.views.box import Box
+from strand.views.cloud_images import fill_thinned
 from strand.views.depth_image import DepthImage
 from strand.views.extract import Extract
 
@@ -89,6 +90,8 @@ def holds_table(extract: Extract) -> bool:
     if find_table(own.points[:: max(len(own.points) // _MAX_POINTS, 1)]) is None:
         return False
     image = extract.images[most]
+    if image is not None and view.image is None:
+        image = fill_thinned(image)
     top = None if image is None else find_tabletop(image, None)
     if image is None or top is None:
         return False

@@ -110,6 +110,21 @@ def test_points_without_an_image_do_as_well(one):
     assert right(one, model)
 
 
+@pytest.mark.parametrize("share", [0.7, 0.5, 0.3])
+def test_thinned_points_do_as_well(one, three, share):
+    for made in (one, three):
+        rng = np.random.default_rng(0)
+        kept = [rng.permutation(view.points)[: int(share * len(view.points))] for view in made.views]
+        model = strand.reconstruct([strand.View(*each) for each in zip(kept, made.poses, strict=True)])
+        assert right(made, model)
+
+
+def test_thinned_points_of_a_table_without_a_rope_are_refused():
+    points = cluttered_scene(2, views=1, rope=False).views[0].points
+    with pytest.raises(strand.NoRopeError, match="no rope on the table"):
+        strand.reconstruct([strand.View(np.random.default_rng(0).permutation(points)[: len(points) // 2])])
+
+
 def test_a_table_without_a_rope_is_refused_and_the_error_names_what_stands_there():
     for views in (1, 3):
         with pytest.raises(strand.NoRopeError, match=r"no rope on the table: .*strip of one width"):
