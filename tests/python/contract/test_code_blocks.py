@@ -136,8 +136,22 @@ def check_recipes(names, out, folder):
     assert len(names["every_20_mm"]) == 21
     assert names["long"].length > names["short"].length
     assert len(names["poses"]) == 7
-    assert len(strand.load_model(folder / "rope.json").chains) == len(names["model"].chains) == 1
-    assert len(names["nodes"]) > 10
+    assert len(names["model"].chains) == 1
+
+
+def check_masks(names, out, folder):
+    assert "no rope" not in out
+    assert "2 colours of rope" in out
+    assert len(names["model"].chains) == len(names["scene"].scene.truth) == 2
+    made = names["scene"].scene
+    for truth in made.truth:
+        seen = (truth - made.poses[0][:3, 3]) @ made.poses[0][:3, :3]
+        assert names["model"].nearest(seen).distance.max() < 3.0 * made.radius
+
+
+def check_tracking(names, out, folder):
+    assert "rope 0: begun" in out
+    assert len(names["track"].ropes) == len(names["answer"].ropes) == 1
 
 
 CHECKS = {
@@ -146,9 +160,11 @@ CHECKS = {
     "docs/configuration.md": check_configuration,
     "docs/export.md": check_export,
     "docs/first_grasp.md": check_first_grasp,
+    "docs/masks.md": check_masks,
     "docs/pictures.md": check_pictures,
     "docs/recipes.md": check_recipes,
     "docs/recordings.md": check_recordings,
+    "docs/tracking.md": check_tracking,
 }
 
 

@@ -207,6 +207,7 @@ FILES: dict[str, tuple[Callable[[Path], None], ...]] = {
     "docs/files.md": (make_single_files,),
     "docs/pictures.md": (make_scene_folder,),
     "docs/recordings.md": (make_bags,),
+    "docs/tracking.md": (make_bags,),
 }
 
 

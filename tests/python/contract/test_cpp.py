@@ -1,0 +1,70 @@
+"""The example in C++ compiles, and gets from its process what Python gets."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import strand
+
+FOLDER = Path(__file__).resolve().parents[3] / "examples" / "cpp"
+SCENE = strand.synthetic.scene("arc", views=2)
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory):
+    made = tmp_path_factory.mktemp("cpp") / "ropes"
+    flags = ["-std=c++17", "-O1", "-Wall", "-Wextra", "-Werror"]
+    subprocess.run(["c++", *flags, FOLDER / "ropes.cpp", "-o", made], check=True)
+    return made
+
+
+def ask(program, folder, images, server=FOLDER / "serve_ropes.py"):
+    """Run the program on depth images."""
+    (fx, _, cx), (_, fy, cy), _ = SCENE.intrinsics.tolist()
+    height, width = SCENE.depth[0].shape
+    for k, image in enumerate(images):
+        image.astype(np.uint16).tofile(folder / f"{k}.raw")
+    camera = map(str, (width, height, fx, fy, cx, cy, SCENE.depth_scale))
+    files = [folder / f"{k}.raw" for k in range(len(images))]
+    command = [program, sys.executable, server, str(SCENE.radius), *camera, *files]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+def test_ropes_come_as_from_python_and_errors_end_nothing(program, tmp_path):
+    images = [SCENE.depth[0], np.zeros_like(SCENE.depth[0]), SCENE.depth[1]]
+    done = ask(program, tmp_path, images)
+    assert (done.returncode, done.stderr) == (0, "")
+    first, error, second = done.stdout.splitlines()
+    assert re.fullmatch(r"no answer: views: no view has a point; .+", error)
+    previous = None
+    for depth, line in ((SCENE.depth[0], first), (SCENE.depth[1], second)):
+        view = strand.View.from_depth(depth, SCENE.intrinsics, depth_scale=SCENE.depth_scale)
+        previous = strand.reconstruct([view], radius=SCENE.radius, previous=previous)
+        (chain,) = previous.chains
+        count, *place, radius, confidence = map(float, re.findall(r"-?\d+(?:\.\d+)?(?:e-?\d+)?", line))
+        assert count == len(chain.points)
+        np.testing.assert_allclose(place, chain.points[0], atol=1e-6)
+        np.testing.assert_allclose([radius, confidence], [chain.radius, chain.confidence], atol=1e-5)
+
+
+def test_a_process_that_ends_is_an_error(program, tmp_path):
+    done = ask(program, tmp_path, [SCENE.depth[0]], server=tmp_path / "nowhere.py")
+    assert done.returncode == 1
+    assert "strand has ended; see its standard error" in done.stderr
+    done = ask(program, tmp_path, [SCENE.depth[0][:100]])
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "0.raw: expected so many pixels" in done.stderr
+
+
+def test_requests_that_are_cut_off_end_the_process(tmp_path):
+    server = [sys.executable, FOLDER / "serve_ropes.py", "0.004"]
+    for request in (b"4 4 1 1 1 1 1\n12", b"100000 100000 1 1 1 1 1\n", b"-1 4 1 1 1 1 1\n"):
+        done = subprocess.run(server, input=request, capture_output=True, timeout=60)
+        assert (done.returncode, done.stdout) == (1, b"")
+        assert re.match(rb"expected at most|the input ends within", done.stderr)
