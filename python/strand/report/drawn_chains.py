@@ -23,8 +23,17 @@ def find_ends(paths: Iterable[Array]) -> Array:
 
 
 def find_rope_ends(model: Model) -> Array:
-    """Return (2 N, 3) the ends of the N open chains."""
+    """Return (2 N, 3) the ends of the N open chains, or those of a harness."""
+    if model.harness is not None:
+        ends = [node.position for node in model.harness.nodes if node.kind == "end"]
+        return np.array(ends).reshape(-1, 3)
     return find_ends(chain.points for chain in model.chains if not chain.closed)
+
+
+def find_junctions(model: Model) -> Array:
+    """Return (N, 3) the junctions of a model's harness."""
+    nodes = () if model.harness is None else model.harness.nodes
+    return np.array([node.position for node in nodes if node.kind == "junction"]).reshape(-1, 3)
 
 
 def pick_color(i: int) -> str:

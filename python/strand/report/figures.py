@@ -34,6 +34,7 @@ from strand.report.drawn_chains import (
     color_paths,
     compute_deviations,
     find_ends,
+    find_junctions,
     find_rope_ends,
 )
 from strand.report.published_figures import (
@@ -209,6 +210,7 @@ def draw_ropes(model: Model, truth: Sequence[ArrayLike] = ()) -> Figure:
             axes.plot(where[:, across], where[:, up], color=INK, lw=0.9, ls="--", zorder=4)
     drawing.draw_markers(find_rope_ends(model), "o", PALETTE[3])
     drawing.draw_markers(crossed, "s", "none", size=15.0)
+    drawing.draw_markers(find_junctions(model), "o", INK, size=5.0)
     drawing.draw_markers(unsure, _DOUBT_MARKER, _DOUBT_COLOR)
     return drawing.figure
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from strand.geometry.polyline import find_runs
 from strand.report.cameras import Camera
 from strand.report.drawing import pick_spread
-from strand.report.drawn_chains import close_path
+from strand.report.drawn_chains import close_path, find_junctions
 from strand.ropes.chain import Chain
 from strand.ropes.model import Model, list_model_crossings
 from strand.support.checks import Array
@@ -77,6 +77,12 @@ def draw_overlay(camera: Camera, model: Model, max_bytes: int) -> str:
             parts.append(
                 f'<text x="{u + size:.1f}" y="{v - size:.1f}" font-size="{4 * size:.1f}" '
                 f'fill="#fff">{i}</text>'
+            )
+    for number, (u, v) in enumerate(camera.project(find_junctions(model))[0]):
+        if left <= u <= right and top <= v <= bottom:
+            parts.append(
+                f'<circle class="junction" cx="{u:.1f}" cy="{v:.1f}" r="{1.2 * size:.2f}" fill="#fff" '
+                f'stroke="#000"><title>junction {number}</title></circle>'
             )
     for crossing in (list_model_crossings(model) or ())[:_MAX_DOUBTS]:
         u, v = camera.project(crossing.place[None])[0][0]

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from strand._core import StrandError
 from strand.report.cameras import make_cameras
-from strand.report.drawn_chains import close_path, pick_color
+from strand.report.drawn_chains import close_path, find_junctions, pick_color
 from strand.report.page import place_points
 from strand.ropes.model import Model, list_model_crossings
 from strand.support.checks import check_clouds, check_path
@@ -20,6 +20,7 @@ from strand.support.files import write_bytes
 from strand.views.view import View, check_views
 
 _CROSSING = (255, 127, 14)  # orange
+_JUNCTION = (255, 255, 255)  # white
 _DOUBT = (214, 39, 40)  # red
 _NEXT_VIEW = (44, 160, 44)  # green
 _TRUTH = (32, 32, 32)  # nearly black
@@ -144,6 +145,9 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
         if met:
             places, orders = zip(*((crossing.place, str(crossing)) for crossing in met), strict=True)
             log("crossings", rerun.Points3D(places, radii=radius, colors=[_CROSSING], labels=orders))
+    junctions = find_junctions(model)
+    if len(junctions):
+        log("junctions", rerun.Points3D(junctions, radii=1.2 * radius, colors=[_JUNCTION]))
     unsure = [doubt for doubt in model.doubts if doubt.place is not None]
     if unsure:
         reasons = [f"{doubt.kind}: {doubt.reason}" for doubt in unsure]

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import NOT_LISTED
+from strand.ropes.harness import Harness
 from strand.ropes.model import Model, list_model_crossings
 from strand.ropes.summary import say_whether_to_act
 from strand.support.checks import check_finite_array, check_instance
@@ -198,7 +199,10 @@ def describe_accuracy(model: Model, truth: Sequence[ArrayLike]) -> str:
 
 
 def describe_chains(model: Model) -> str:
-    """Format the chains: length, nodes, radius, open or closed, and, if known, confidence and doubts."""
+    """Format the chains: length, nodes, radius, ends, and, if known, confidence and doubts.
+
+    The ends of a harness's chains are its junctions and ends, such as J1 and E2.
+    """
     sure = any(not np.isnan(chain.confidence) for chain in model.chains)
     rows = [
         (
@@ -206,13 +210,21 @@ def describe_chains(model: Model) -> str:
             f"{chain.length * 1e3:.1f}",
             f"{len(chain.points)}",
             f"{chain.radius * 1e3:.2f}",
-            describe_ends(chain),
+            describe_ends(chain) if model.harness is None else describe_edge(model.harness, i),
             *((f"{chain.confidence:.2f}", _list_kinds(chain)) if sure else ()),
         )
         for i, chain in enumerate(model.chains)
     ]
     more = ("confidence", "doubts") if sure else ()
     return _format_table([("chain", "length / mm", "nodes", "radius / mm", "ends", *more), *rows], (0, 6))
+
+
+def describe_edge(harness: Harness, number: int) -> str:
+    """Say between which nodes an edge runs, and how many wires it has if that is known."""
+    edge = harness.edges[number]
+    names = [f"{harness.nodes[node].kind[0].upper()}{node}" for node in (edge.start, edge.stop)]
+    wires = "" if edge.wires is None else f", {edge.wires} {'wire' if edge.wires == 1 else 'wires'}"
+    return f"{names[0]} to {names[1]}{wires}"
 
 
 def describe_ends(chain: Chain) -> str:

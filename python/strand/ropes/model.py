@@ -215,10 +215,15 @@ class Model:
         """Return the answer in words; the first line says whether to act on it.
 
         "Act on it" stands for a confidence of at least 0.9, "Look again before acting" for at least 0.5, else
-        "Do not act on it". The next lines list the chains, their crossings and the greatest doubts.
+        "Do not act on it". The next lines list the chains, their crossings and the greatest doubts; that of a
+        harness counts its junctions and ends.
         """
         crossings = list_model_crossings(self)
-        return summarize(self.confidence, self.chains, crossings, self.doubts)
+        said = summarize(self.confidence, self.chains, crossings, self.doubts)
+        if self.harness is None:
+            return said
+        first, *others = said.splitlines()
+        return "\n".join([first, repr(self.harness), *others])
 
     def next_view(
         self, workspace: Workspace | None = None, min_distance: float = 0.0, count: int = 3
