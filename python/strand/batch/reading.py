@@ -159,7 +159,11 @@ def iterate_shards(
 
 def _require_memory(path: Path, memory: int, left: int, max_bytes: int) -> None:
     if memory > left:
-        reason = f"may take {memory} bytes of memory, but {left} are left of 2 x max_bytes={max_bytes}"
+        need = -(-(2 * max_bytes - left + memory) // 2)
+        reason = (
+            f"may take {memory} bytes of memory, but {left} are left of 2 x max_bytes={max_bytes}; "
+            f"give {need} or more as max_bytes (--summary-max-bytes)"
+        )
         raise FileFormatError(path, reason)
 
 

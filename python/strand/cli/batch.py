@@ -20,6 +20,8 @@ from strand.cli.arguments import collect_arguments
 from strand.cli.inputs import collect_settings
 from strand.cli.options import add_camera, add_deadline, add_recording, add_ropes
 from strand.cli.terminal import print_message
+from strand.io.budget import MAX_BYTES
+from strand.support.checks import check_integer
 from strand.support.files import require_writable
 
 DESCRIPTION = """\
@@ -102,6 +104,14 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--summary", type=values.parse_path, metavar="PAGE", help="also write an HTML page about the table"
     )
+    # --max-bytes is a setting of the recordings: other values repeat all work
+    command.add_argument(
+        "--summary-max-bytes",
+        type=int,
+        default=MAX_BYTES,
+        metavar="N",
+        help=f"half of the memory that the page may take for a Parquet file, bytes (default: {MAX_BYTES})",
+    )
     add_camera(command)
     add_recording(command.add_argument_group("recordings"))
     add_ropes(command)
@@ -111,6 +121,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Reconstruct recordings, and print what was done."""
     if options.summary is not None:
+        check_integer("--summary-max-bytes", options.summary_max_bytes, 1)
         _check_summary(options.summary, options.out)
         require_writable(options.summary)
     # Ray prints messages of its tasks to stdout
@@ -143,7 +154,7 @@ def run(options: argparse.Namespace) -> None:
         print(f"kept     {done.kept} recordings that cannot be read now")
     print(options.out)
     if options.summary is not None:
-        write_summary(options.out, options.summary)
+        write_summary(options.out, options.summary, max_bytes=options.summary_max_bytes)
         print(options.summary)
 
 

@@ -159,7 +159,9 @@ def test_shards_that_take_more_than_the_limit_are_refused_by_their_headers(batch
     )
     for read in readers:
         read(out, max_bytes=20_000_000)
-        with pytest.raises(FileFormatError, match=r"may take \d+ bytes of memory, .* max_bytes=1000000$"):
+        with pytest.raises(
+            FileFormatError, match=r"may take \d+ bytes of memory, .* give \d+ or more as max_bytes"
+        ):
             read(out, max_bytes=1_000_000)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import threading
 import time
@@ -42,6 +43,11 @@ def test_recordings_become_a_folder_of_shards_with_a_page(folder, capsys):
         "in/broken.npz",
     ]
     assert "4 recordings" in (folder / "page.html").read_text()
+    again = ["batch", "in", "-o", "out", "--ropes", "1", "--summary", "page.html", "--summary-max-bytes"]
+    assert main([*again, "1000"]) == 1
+    (need,) = re.findall(r"give (\d+) or more as max_bytes \(--summary-max-bytes\)", capsys.readouterr().err)
+    assert main([*again, str(100 * int(need))]) == 0
+    assert "made     0 units" in capsys.readouterr().out
     assert main(["batch", "in", "-o", "out", "--ropes", "1"]) == 0
     assert capsys.readouterr().out.startswith(
         "made     0 units, 0 rows, 0 of them errors\nskipped  4 finished units"
