@@ -19,6 +19,8 @@ _ENCODINGS = (0, 3)  # plain values, and booleans in runs; strand writes no dict
 _STRUCT = 12  # type of a struct
 _LENGTHS = {3: 1, 7: 8}  # bytes of a value by its type: a byte, a double
 _MAX_DEPTH = 4  # of structs in a header
+_COPIES = 4  # bytes of a byte of the largest page: compressed, not compressed, in the column, and its copy
+_DICTIONARY = 2  # the kind of a page
 _HEADER = 1 << 16  # bytes that the header of a page may take
 _VALUE_PLACES = {0: 5, 3: 8}  # the field with the number of values of a data page of version 1 and 2
 
@@ -140,27 +142,28 @@ def _read_varint(data: bytes, at: int) -> tuple[int, int]:
     raise ValueError("a number that is cut off")
 
 
-def find_largest_page(file: BinaryIO, metadata: Any, group: int, columns: list[int]) -> int:
-    """Return the bytes of the largest page of some columns of a foreign file, whose pages may be of any kind.
+def measure_rows(file: BinaryIO, metadata: Any, group: int, columns: list[int], rows: int) -> int:
+    """Return the memory that so many rows of a foreign file take, bytes; its pages may be of any kind.
 
-    The pages of a column must have as many values as its footer declares.
+    Readers decompress whole pages. The pages of a column must have as many values as its footer declares.
     """
-    largest = 0
+    memory = 0
     for place in columns:
         column = metadata.row_group(group).column(place)
-        size, values = _walk_pages(file, column)
+        largest, whole, dictionary, values = _walk_pages(file, column)
         if values != column.num_values:
             raise ValueError(f"pages of {values} values, but {column.num_values} are declared")
-        largest = max(largest, size)
-    return largest
+        memory += _COPIES * largest + min(whole, rows * largest) + rows * dictionary
+    return memory
 
 
-def _walk_pages(file: BinaryIO, column: Any) -> tuple[int, int]:
-    """Return the bytes of a column's largest page, and the number of values of all pages."""
+def _walk_pages(file: BinaryIO, column: Any) -> tuple[int, int, int, int]:
+    """Return the bytes of a column's largest page, of all pages and of the dictionary; and all values."""
     at = column.data_page_offset
     if column.has_dictionary_page and column.dictionary_page_offset:
         at = min(at, column.dictionary_page_offset)
-    end, largest, values = at + column.total_compressed_size, 0, 0
+    end = at + column.total_compressed_size
+    largest = whole = dictionary = values = 0
     if at < 0 or not at <= end <= file.seek(0, os.SEEK_END):
         raise ValueError("a column outside of the file")
     while at < end:
@@ -174,7 +177,10 @@ def _walk_pages(file: BinaryIO, column: Any) -> tuple[int, int]:
             if not isinstance(count, int) or count < 0:
                 raise ValueError("a page without a number of values")
             values += count
-        largest, at = max(largest, unpacked, packed), at + length + packed
+        size = max(unpacked, packed)
+        if header.get(1) == _DICTIONARY:
+            dictionary = size
+        largest, whole, at = max(largest, size), whole + size, at + length + packed
     if at != end:
         raise ValueError("a page that ends outside of its column")
-    return largest, values
+    return largest, whole, dictionary, values

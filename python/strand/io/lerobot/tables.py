@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from strand.io.budget import Budget
 from strand.support.extras import import_extra
 from strand.support.files import FileFormatError, open_file
-from strand.support.pages import find_largest_page, measure_footer
+from strand.support.pages import measure_footer, measure_rows
 
 _NUMBERS = ("BOOLEAN", "INT32", "INT64", "FLOAT", "DOUBLE")  # Parquet's types of numbers
 _NUMBER = 40  # bytes of a number while its column is read
-_PAGES = 4  # bytes of a byte of a page: compressed, not compressed, in the column, and its copy
 _BUFFER = 1 << 20  # bytes that are read at once
 
 
@@ -61,8 +60,7 @@ class Table:
             for leaf, place in self._leaves.items()
             if any(f"{leaf}.".startswith(f"{n}.") for n in names)
         ]
-        largest = find_largest_page(self._opened, self.file.metadata, group, places)
-        with self.budget.hold(self.path, (_PAGES + rows) * largest):
+        with self.budget.hold(self.path, measure_rows(self._opened, self.file.metadata, group, places, rows)):
             pass
 
     def read_rows(self, group: int, start: int, names: Sequence[str], size: int) -> Iterator[Any]:

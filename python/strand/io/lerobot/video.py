@@ -20,13 +20,10 @@ _HELD = 24  # images that a decoder may hold: those that others refer to, and th
 _SAMPLE = 96  # bytes of a frame in the index of a video
 _BYTES = {True: 2, False: 3}  # bytes of a pixel of codes, and of colours
 _BLOCK = 64  # pixels to whose multiples decoders widen images
-_NEAR = 16  # frames ahead that are decoded rather than sought, at first
-_PLANES = (
-    "gray12le",
-    "yuv420p12le",
-    "yuv422p12le",
-    "yuv444p12le",
-)  # 12-bit formats whose first plane has codes
+_NEAR = 2  # frames ahead that are decoded rather than sought, until key frames turn out to be farther apart
+_BACK = 16  # frames before a frame whose own key frame is shown after it
+# 12-bit formats, whose first plane has codes
+_PLANES = ("gray12le", "yuv420p12le", "yuv422p12le", "yuv444p12le")
 
 
 class Video:
@@ -117,7 +114,7 @@ class Video:
                 return self._decode_to(time)
             if back > time:
                 raise ValueError("no frame at this time")
-            back = max(2.0 * back, _NEAR * self._step)
+            back = max(2.0 * back, _BACK * self._step)
 
     def _decode_to(self, time: float) -> Any:
         """Return the frame at a time from those that follow."""
