@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import strand
-from shared.lerobot_files import COLOR, DATA, DEPTH, EPISODES, change_info, make_ramp, write_data_set
+from lib.lerobot_files import COLOR, DATA, DEPTH, EPISODES, change_info, make_ramp, write_data_set
 from shared.tracks import make_rope
 from strand.batch import write_lerobot
 from strand.ropes.chain import Chain

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import strand
-from shared.lerobot_files import COLOR, DATA, write_data_set
+from lib.lerobot_files import COLOR, DATA, write_data_set
 from strand.cli import main
 from strand.synthetic import sequence
 

@@ -19,7 +19,7 @@ from PIL import Image
 
 import strand
 from lib.bag_files import START, Messages, convert_to_millimeters, record_cameras, record_film, write_bag
-from shared.lerobot_files import write_data_set
+from lib.lerobot_files import write_data_set
 from shared.scene_files import make_ply
 from strand.cli import main
 from strand.synthetic import SyntheticScene

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import strand
-from shared.lerobot_files import COLOR, DEPTH, change_info, make_colors, make_ramp, quantize, write_data_set
+from lib.lerobot_files import COLOR, DEPTH, change_info, make_colors, make_ramp, quantize, write_data_set
 from strand.io.file_contents import read_contents
 from strand.io.lerobot.depth_codes import read_codes
 

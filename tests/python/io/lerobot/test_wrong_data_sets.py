@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import strand
-from shared.lerobot_files import (
+from lib.lerobot_files import (
     COLOR,
     DATA,
     DEPTH,

@@ -14,7 +14,7 @@ from PIL import Image
 
 import strand
 from lib.bag_files import Messages, record_film, write_bag
-from shared.lerobot_files import make_ramp, write_data_set
+from lib.lerobot_files import make_ramp, write_data_set
 from shared.public.scenes import (
     CHAIN,
     CLOUD,

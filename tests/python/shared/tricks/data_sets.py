@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 import strand
-from shared.lerobot_files import (
+from lib.lerobot_files import (
     DATA,
     DEPTH,
     EPISODES,
