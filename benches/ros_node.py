@@ -7,7 +7,8 @@ times of its messages. `ms` is the processor time from a complete depth image to
 Reconstructions beside the tracking are counted apart, per answer, and both in frames a second. What the
 stand-in for ROS does is not counted. In a gap, TF is silent after a third of the bag. `near` counts frames in
 which all nodes of the answer are within 5 radii of the true rope, `whole` those in which all true nodes are
-within 5 radii of the answer: a gripper hides an end, which a tracker goes on with.
+within 5 radii of the answer: a gripper hides an end, which a tracker goes on with. `longest wait` is that of
+a depth image for what belongs to it, by the clock of the bag.
 """
 
 from __future__ import annotations
@@ -91,7 +92,7 @@ def main() -> int:
     parser = make_parser(__doc__)
     parser.add_argument("--kind", default="carry", choices=strand.synthetic.SEQUENCES)
     parser.add_argument("--seed", type=int, default=71)
-    parser.add_argument("--frames", type=int, default=45)
+    parser.add_argument("--frames", type=int, default=60)
     arguments = parser.parse_args()
     made = strand.synthetic.sequence(arguments.kind, arguments.seed, frames=arguments.frames, color=True)
     frames, radius = list(made), float(made.radius)
@@ -124,6 +125,7 @@ def main() -> int:
                 f"{1e3 * median(spent):.1f}, {1e3 * max(spent):.0f}",
                 f"{1e3 * beside / len(spent):.1f}",
                 f"{len(spent) / (sum(spent) + beside):.0f}",
+                round(float(values["ms since the image, most"])),
                 ", ".join(dropped) or "none",
             )
     return 0

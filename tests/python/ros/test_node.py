@@ -248,6 +248,37 @@ def test_wrong_images_are_named_and_the_next_are_used(topic, fields, error, entr
         raise AssertionError(bus.said[0])
 
 
+def list_broken(value):
+    """Return values of a field's type that make no sense in a message."""
+    if isinstance(value, np.ndarray):
+        numbers = (np.nan, 1e300) if value.dtype.kind == "f" else ()
+        return [value[: len(value) // 2], *(np.full_like(value, number) for number in (0, *numbers))]
+    if isinstance(value, int):
+        return [0, value + 1]
+    return ["", "mono16"] if isinstance(value, str) else []
+
+
+@pytest.mark.parametrize("topic", ["depth/image", "depth/camera_info", "mask/image"])
+def test_broken_fields_never_stop_the_node(topic, entries):
+    first, second = take(entries, 0, 1), take(entries, 1, 2)
+    message = next(one for name, _, one in first if name == topic)
+    tried = 0
+    for field in dataclasses.fields(message):
+        if field.name == "__msgtype__":
+            continue
+        for broken in list_broken(getattr(message, field.name)):
+            with run_node(world_frame="world", **MASKED) as (bus, _):
+                bus.play([*change(first, topic, **{field.name: broken}), *second])
+                _, values = report(bus)
+            assert values["depth images"] == "2"
+            assert int(values["answers"]) + int(values.get("wrong image", 0)) == 2
+            assert int(values["answers"]) >= 1
+            points = [p for one in bus.sent["ropes"] for rope in one.ropes for p in rope.points]
+            assert np.isfinite([[p.x, p.y, p.z] for p in points]).all()
+            tried += 1
+    assert tried > 8
+
+
 @pytest.mark.parametrize("mode", ["track", "reconstruct"])
 @pytest.mark.parametrize("seen", ["no depth", "empty mask"])
 def test_a_first_image_without_a_rope_is_survived(mode, seen, carried, radius, entries):
