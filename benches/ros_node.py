@@ -99,17 +99,11 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         write_bag(Path(folder) / "film", "mcap", record_sequence(frames))
         entries = list(read_bag(Path(folder) / "film"))
-    titles = (
-        "answers",
-        "near, whole",
-        "points",
-        "ms: median, most",
-        "beside / ms",
-        "frames a second",
-        "dropped",
-    )
-    print_head("node", "TF silent / s", *titles)
-    for way, parameters in WAYS.items():
+    rope = np.median(frames[0].color[0][frames[0].labels[0] > 0], axis=0)
+    ways = WAYS | {"track, named colour": {"rope_color": rope.astype(int).tolist()}}
+    titles = ("near, whole", "points", "ms: median, most", "beside / ms", "frames a second")
+    print_head("node", "TF silent / s", "answers", *titles, "longest wait / ms", "dropped")
+    for way, parameters in ways.items():
         for gap in GAPS if way == "track, masks" else GAPS[:1]:
             bus, spent, beside = run(list(silence_tf(entries, gap)), radius, parameters)
             (status,) = bus.sent["/diagnostics"][-1].status

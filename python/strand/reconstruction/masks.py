@@ -167,7 +167,7 @@ def _explain_unlike_mask(view: View, own: View, bounds: Box | None, radius: floa
         return None
     across = radius * max(image.camera.focal) / image.distance
     parts = count_mask_parts(mask, across)
-    if parts.largest < _MIN_AREA * across**2:
+    if parts.largest < _MIN_AREA * across * across:
         return (
             f"a mask that shows no rope: its largest part has {parts.largest} pixels, and a rope of this "
             f"radius is {2.0 * across:.4g} wide"

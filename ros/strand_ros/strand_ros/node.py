@@ -108,6 +108,10 @@ class RopeNode(Node):
         except WrongImageError as error:
             self._complain("wrong image", str(error))
             return
+        except Exception as error:  # a node that dies helps nobody: it says so, and begins anew
+            self._follower.reset()
+            self._complain("error", f"{type(error).__name__}: {error}")
+            return
         self._publish(self._ropes, Ropes, answer.ropes)
         self._publish(self._markers, MarkerArray, answer.markers)
         if answer.points is not None:

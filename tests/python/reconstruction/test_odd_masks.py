@@ -84,6 +84,14 @@ def test_a_mask_of_the_whole_image_is_smaller_than_a_wide_rope():
         strand.reconstruct([whole], radius=4.2)
 
 
+@pytest.mark.parametrize("focal", [1e200, 1e307])
+def test_a_focal_length_beyond_all_cameras_is_refused(focal):
+    lens = [[focal, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]]
+    seen = strand.View.from_depth(np.full(SIZE, 1.0), lens, mask=np.ones(SIZE, dtype=bool))
+    with pytest.raises(strand.NotEnoughDataError, match="a mask that shows no rope"):
+        strand.reconstruct([seen], radius=RADIUS)
+
+
 def test_other_views_are_used_beside_one_of_a_net():
     x = np.arange(60, 580)
     y = 240 + 100 * np.sin(x / 60)

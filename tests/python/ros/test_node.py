@@ -329,6 +329,19 @@ def test_a_rope_that_leaves_is_lost_and_no_longer_shown(carried, radius, entries
     assert int(values["no rope"]) > 5
 
 
+def test_an_unexpected_error_is_reported_and_the_next_image_is_used(entries, monkeypatch):
+    with run_node(world_frame="world", **MASKED) as (bus, node):
+        bus.play(take(entries, 0, 2))
+        with monkeypatch.context() as broken:
+            broken.setattr(node._follower._tracker, "update", lambda *_: 1 / 0)
+            bus.play(take(entries, 2, 3))
+        bus.play(take(entries, 3, 5))
+        _, values = report(bus)
+    assert bus.said == ["error: ZeroDivisionError: division by zero"]
+    assert (values["error"], values["answers"]) == ("1", "4")
+    assert [event.kind for message in bus.sent["ropes"] for event in message.events] == ["begun", "begun"]
+
+
 def test_reports_say_whether_all_is_well(entries):
     with run_node(world_frame="world", **MASKED) as (bus, _):
         bus.play(take(entries, 0, 3))
