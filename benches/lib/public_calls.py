@@ -162,6 +162,7 @@ CALLS: dict[str, tuple[Callable, tuple, dict]] = {
     "measure_edge_distances": (_core.measure_edge_distances, (MASK, 40), {}),
     "find_short_outlines": (_core.find_short_outlines, (DEPTH.astype(np.float32) - 0.5, [1.0], 3), {}),
     "estimate_mask_radius": (_core.estimate_mask_radius, (MASK,), {}),
+    "trace_skeleton": (_core.trace_skeleton, (MASK,), {}),
     "measure_strands": (_core.measure_strands, (MASK, 5.0), {}),
     "RopeImages": (_core.RopeImages, ([DEPTH], [MASK], [CAMERA], [EYE], 0.005), {}),
     "images.find_readings": (IMAGES.find_readings, (1, 2, [0]), {}),

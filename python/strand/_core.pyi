@@ -21,7 +21,7 @@ __all__ = [
     "measure_depth_bends", "measure_edge_distances", "measure_heights", "measure_strands",
     "measure_variances", "num_threads", "number_blobs", "occludes", "path_length", "price_join",
     "radius_outlier_mask", "register_in_turn", "set_num_threads", "straighten", "tabulate_arc_length",
-    "trace_chains", "trace_tubes", "track_frame", "unproject",
+    "trace_chains", "trace_skeleton", "trace_tubes", "track_frame", "unproject",
 ]
 # fmt: on
 
@@ -411,6 +411,7 @@ def find_short_outlines(
     evidence: NDArray[np.float32], weights: Sequence[float], steps: SupportsIndex
 ) -> list[_Bools]: ...
 def estimate_mask_radius(mask: _Bools) -> float | None: ...
+def trace_skeleton(mask: _Bools) -> tuple[_Floats, list[tuple[_Ints, tuple[int, int]]]]: ...
 def measure_strands(mask: _Bools, radius_px: float) -> tuple[float, list[_Floats]] | None: ...
 def track_frame(
     cameras: Sequence[_TrackedCamera],

@@ -134,6 +134,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(masks::find_short_outlines, module)?)?;
     module.add_function(wrap_pyfunction!(masks::estimate_mask_radius, module)?)?;
     module.add_function(wrap_pyfunction!(masks::measure_strands, module)?)?;
+    module.add_function(wrap_pyfunction!(masks::trace_skeleton, module)?)?;
     module.add_function(wrap_pyfunction!(heights::measure_heights, module)?)?;
     module.add_function(wrap_pyfunction!(heights::find_standing, module)?)?;
     module.add_function(wrap_pyfunction!(heights::find_fullest_plane, module)?)?;

@@ -21,4 +21,5 @@ mod widths;
 pub use ends::extend;
 pub use planar::resampled;
 pub use search::{find_readings, price};
+pub use skeleton::trace;
 pub use widths::measure_strands;

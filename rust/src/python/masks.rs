@@ -100,6 +100,37 @@ pub(super) fn measure_edge_distances<'py>(
     array(py, found, [height, width])
 }
 
+/// Thin a mask to lines, and trace them.
+///
+/// Returns
+/// -------
+/// groups : (K, 2) ndarray
+///     Mean row and column of each group of pixels where lines meet.
+/// lines : list of ((M, 2) ndarray of int, (int, int))
+///     For each line: rows and columns of its pixels in order, and the number of the group that each end touches, -1 for
+///     none.
+#[pyfunction]
+#[allow(clippy::type_complexity)]
+pub(super) fn trace_skeleton<'py>(
+    py: Python<'py>,
+    mask: &Bound<'py, PyAny>,
+) -> PyResult<(Bound<'py, PyArray2<f64>>, Vec<(Bound<'py, PyArray2<i64>>, (i64, i64))>)> {
+    let mask = Array::mask("mask", mask)?;
+    let [height, width] = mask.image_shape("mask")?;
+    let image = Image { width, height, values: mask.into_values() };
+    let traced = released(py, move || readings::trace(&image))?;
+    let groups = array(py, traced.groups.as_flattened().to_vec(), [traced.groups.len(), 2])?;
+    let lines: PyResult<Vec<_>> = traced
+        .lines
+        .into_iter()
+        .map(|(pixels, ends)| {
+            let count = pixels.len();
+            Ok((array(py, pixels.into_flattened(), [count, 2])?, (ends[0], ends[1])))
+        })
+        .collect();
+    Ok((groups, lines?))
+}
+
 /// Return (H, W) pixels for each weight: the set with the least sum of evidence plus the weight times the length of its
 /// outline.
 #[pyfunction]

@@ -79,6 +79,7 @@ calls = {{
     "measure_edge_distances": lambda: _core.measure_edge_distances(mask, 40),
     "count_mask_parts": lambda: _core.count_mask_parts(mask, 3.0, 1.0),
     "estimate_mask_radius": lambda: _core.estimate_mask_radius(mask),
+    "trace_skeleton": lambda: _core.trace_skeleton(mask),
     "measure_strands": lambda: _core.measure_strands(mask, 4.0),
     "convert_to_lab": lambda: _core.convert_to_lab(colors),
     "find_color_pieces": lambda: _core.find_color_pieces(planes, None, mask, **strips),

@@ -1,6 +1,47 @@
 //! Skeletons of masks as networks of pixels.
 
 use crate::images::image::Image;
+use crate::images::thinning::find_skeleton;
+
+const MARGIN: usize = 2; // pixels around a mask that thinning needs
+
+/// The lines of a mask's skeleton, and the groups of pixels where they meet.
+pub struct Traced {
+    /// Mean row and column of each group.
+    pub groups: Vec<[f64; 2]>,
+    /// Rows and columns of each line's pixels, and the number of the group at each end; -1 for none.
+    pub lines: Vec<(Vec<[i64; 2]>, [i64; 2])>,
+}
+
+/// Thins a mask and traces the lines of its skeleton.
+pub fn trace(mask: &Image<bool>) -> Traced {
+    let (width, height) = (mask.width + 2 * MARGIN, mask.height + 2 * MARGIN);
+    let mut framed = Image::filled(width, height, false);
+    for (row, values) in mask.values.chunks_exact(mask.width.max(1)).enumerate() {
+        framed.values[(row + MARGIN) * width + MARGIN..][..mask.width].copy_from_slice(values);
+    }
+    let net = Net::new(find_skeleton(&framed), width, &mut Image::filled(width, height, 0u32));
+    let place = |i: usize| [net.pixels[i] / width - MARGIN, net.pixels[i] % width - MARGIN].map(|x| x as i64);
+    let meeting: Vec<bool> = (0..net.len()).map(|i| net.near(i).len() >= 3).collect();
+    let (numbers, count) = net.groups(&meeting);
+    let (mut groups, mut sizes) = (vec![[0.0; 2]; count], vec![0.0; count]);
+    for (i, &number) in numbers.iter().enumerate().filter(|&(_, &number)| number != 0) {
+        let k = number as usize - 1;
+        sizes[k] += 1.0;
+        for (sum, x) in groups[k].iter_mut().zip(place(i)) {
+            *sum += x as f64;
+        }
+    }
+    for (group, size) in groups.iter_mut().zip(sizes) {
+        *group = group.map(|sum| sum / size);
+    }
+    let single: Vec<bool> = meeting.iter().map(|meets| !meets).collect();
+    let lines = net.lines(&single, &numbers).into_iter().map(|line| {
+        let pixels = line.path.iter().map(|&i| place(i as usize)).collect();
+        (pixels, line.ends.map(|number| i64::from(number) - 1))
+    });
+    Traced { groups, lines: lines.collect() }
+}
 
 /// The pixels of a skeleton and their neighbours.
 pub struct Net {
