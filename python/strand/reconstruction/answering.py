@@ -49,8 +49,8 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
     keep_stages : bool
         Whether the model keeps the arrays between the stages.
     """
-    poses, pose_sd = _collect_poses(scene, found)
-    stages = _collect_stages(scene, found) if keep_stages else {}
+    poses, pose_sd = collect_poses(scene, found)
+    stages = collect_stages(scene, found) if keep_stages else {}
     earlier = () if hints.previous is None else hints.previous.chains
     chains = oriented(found.chains[: hints.prior.ropes], earlier)
     upwards = find_up(scene, found, chains, hints.previous)
@@ -58,7 +58,7 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
     if scene.tables:
         against += doubt_ends_at_edge(chains, scene.extract.whole, scene.tables)
     against += doubt_ends_at_things(chains, scene.observed.whole, bool(scene.tables))
-    chains = _describe_chains(chains, scene.extract.whole, list(poses))
+    chains = describe_chains(chains, scene.extract.whole, list(poses))
     against += doubt_hidden_ends(chains)
     run.warnings[:] = drop_explained(run.warnings, chains)
     for doubt, about in [*against, *((doubt, ()) for doubt in upwards.doubts)]:
@@ -73,7 +73,7 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
             *(doubt for doubt, _ in against),
             *scene.mask_doubts,
             *upwards.doubts,
-            *_doubt_haste(run),
+            *doubt_haste(run),
         ],
         key=lambda doubt: -doubt.amount,
     )
@@ -110,7 +110,7 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
     )
 
 
-def _describe_chains(chains: Sequence[Chain], views: Sequence[View], poses: Sequence[Array]) -> list[Chain]:
+def describe_chains(chains: Sequence[Chain], views: Sequence[View], poses: Sequence[Array]) -> list[Chain]:
     """Return chains with their labels, colours and hidden ends, as views with these poses show them."""
     hidden = find_hidden_ends(chains, views, poses)
     views = [placed(view, pose) for view, pose in zip(views, poses, strict=True)]
@@ -140,7 +140,7 @@ def _list_images(scene: Scene, poses: Sequence[Array]) -> list[DepthImage]:
     return images
 
 
-def _doubt_haste(run: Run) -> list[Doubt]:
+def doubt_haste(run: Run) -> list[Doubt]:
     """Return the doubt that skipped work raises, and warn of it, if the deadline passed."""
     if not run.skipped:
         return []
@@ -179,7 +179,7 @@ def _add_confidence(
     return sure
 
 
-def _collect_poses(scene: Scene, found: Found) -> tuple[np.ndarray, np.ndarray]:
+def collect_poses(scene: Scene, found: Found) -> tuple[np.ndarray, np.ndarray]:
     """Return poses of all views and their deviations: registered where a view was used, else as given."""
     poses = np.array([view.pose for view in scene.extract.whole])
     pose_sd = np.full((len(poses), 6), np.nan)
@@ -188,7 +188,7 @@ def _collect_poses(scene: Scene, found: Found) -> tuple[np.ndarray, np.ndarray]:
     return poses, pose_sd
 
 
-def _collect_stages(scene: Scene, found: Found) -> dict[str, Any]:
+def collect_stages(scene: Scene, found: Found) -> dict[str, Any]:
     """Return the arrays between the stages, read-only."""
     stages = {
         "raw": tuple(scene.extract.inside[number].world_points for number in scene.observed.numbers),

@@ -53,6 +53,10 @@ class Hints:
     config : Config
     previous : Model or None
         An earlier model of the same ropes.
+    branches : bool
+        Whether ropes may branch.
+    wire : float or None
+        The radius of a wire, of which branching ropes are bundles, metres.
     """
 
     radii: Radii | None
@@ -60,6 +64,8 @@ class Hints:
     prior: Prior
     config: Config
     previous: Model | None
+    branches: bool = False
+    wire: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from strand.reconstruction.default import find_chains as find_by_default
 from strand.reconstruction.evidence.confidence import compute_trust
 from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.hand_eye import find_hand_eye_error
+from strand.reconstruction.harness.answer import answer_with_harness
 from strand.reconstruction.masks import refuse_empty
 from strand.reconstruction.mistakes.diagnosis import explain_errors
 from strand.reconstruction.mistakes.units import refuse_poses_in_other_units
@@ -45,6 +47,8 @@ def reconstruct(
     keep_stages: bool = False,
     progress: Callable[[str], None] | None = None,
     deadline: float | None = None,
+    branches: bool = False,
+    wire: float | None = None,
 ) -> Model:
     """Turn depth-camera views of ropes into ordered centrelines.
 
@@ -91,6 +95,13 @@ def reconstruct(
         it skipped in a doubt and a warning of kind "deadline". There is always an answer: an early deadline
         leaves the shortest way to it, with fewer points. With a deadline, the answer depends on the machine's
         speed.
+    branches : bool
+        Whether the ropes may branch, as the branches of a wire harness do. The answer is then a graph,
+        `Model.harness`; a rope is a graph of one edge. Radii may change at junctions. With `branches`, there
+        is no `ropes` and no `length`, and the method is the default one.
+    wire : float, optional
+        The radius of one wire, metres, if the branches are bundles of equal wires. Edges then have a number
+        of wires, unless the data contradict it. Only with `branches`.
 
     Returns
     -------
@@ -101,9 +112,10 @@ def reconstruct(
     TypeError
         If an argument is of the wrong kind.
     ValueError
-        If a number is out of range, there are no views, the number of lengths is not that of ropes, or the
-        published method is given no radius. Also if poses look like millimetres: without bounds, cameras
-        stand over 50 m and a hundred depths from the origin, and no two that moved see the same place.
+        If a number is out of range, there are no views, the number of lengths is not that of ropes, the
+        published method is given no radius, or arguments exclude each other. Also if poses look like
+        millimetres: without bounds, cameras stand over 50 m and a hundred depths from the origin, and no two
+        that moved see the same place.
     strand.NotEnoughDataError
         If no view has points in the extraction range, or they make no chain.
     strand.NoRopeError
@@ -120,6 +132,7 @@ def reconstruct(
     """
     begun = time.monotonic()
     hints = _check(radius, bounds, ropes, config, length, previous)
+    hints = _allow_branches(hints, branches, wire)
     run = _start(begun, progress, deadline)
     keep_stages = check_bool("keep_stages", keep_stages)
     # whatever the caller set: numbers that underflow are meant to
@@ -128,6 +141,8 @@ def reconstruct(
         with explain_errors(extract, hints.radii):
             refuse_empty(extract, run)
             refuse_poses_in_other_units(extract)
+            if hints.branches:
+                return answer_with_harness(observe(extract, hints, run), hints, run, keep_stages)
             attempt = run.fork()
             scene, found = _find(extract, hints, attempt)
         error = find_hand_eye_error(scene.observed, found, hints.config.poses)
@@ -176,6 +191,19 @@ def _check(
     box = None if bounds is None else make_box(bounds)
     prior = Prior.from_caller(ropes, length, box, config.known)
     return Hints(radii, box, prior, config, previous)
+
+
+def _allow_branches(hints: Hints, branches: bool, wire: float | None) -> Hints:
+    """Check what the caller knows of ropes that branch."""
+    if not check_bool("branches", branches):
+        if wire is not None:
+            raise ValueError("wire: expected None without branches=True")
+        return hints
+    if hints.config.method != "default":
+        raise ValueError(f"branches: expected False with the {hints.config.method} method")
+    if hints.prior.ropes is not None or hints.prior.lengths:
+        raise ValueError("branches: expected False with ropes or length: edges of a graph are no ropes")
+    return replace(hints, branches=True, wire=None if wire is None else check_positive("wire", wire))
 
 
 def _start(begun: float, progress: Callable[[str], None] | None, deadline: float | None) -> Run:

@@ -48,6 +48,8 @@ DOUBTS = (
     "ring",
     "deadline",
     "color",
+    "junction",
+    "wires",
 )
 """Kinds of doubt.
 
@@ -74,6 +76,8 @@ DOUBTS = (
 - "count", "length", "ring": the ropes contradict what is known of them.
 - "deadline": strand skipped work because the deadline had passed.
 - "color": colour alone shows the ropes, because depth does not resolve their height.
+- "junction": strands of a harness meet there, and it is unclear whether they are joined.
+- "wires": the numbers of wires that meet at a junction do not add up.
 """
 
 WARNINGS = (*DOUBTS, "branch", "kept pose", "no rope", "open pose", "thing", "unused view")

@@ -79,6 +79,7 @@ def _list_functions() -> dict[str, Call]:
                 "length": np.array([0.16]),
                 "deadline": 60.0,
             },
+            {"views": scene.views, "radius": R, "bounds": bounds, "branches": True, "wire": R},
         ),
         "estimate_radius": Call(strand.estimate_radius, {"views": scene.views, "bounds": bounds}),
         "find_ropes": Call(

@@ -1,0 +1,70 @@
+"""Ropes that do not branch: the chains of tubes, if they are sure, and no end meets a strand's side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from strand._core import NotEnoughDataError
+from strand.config import Config
+from strand.reconstruction.evidence.confidence import compute_trust
+from strand.reconstruction.harness.strands import Strand
+from strand.reconstruction.stages import Observed, Run
+from strand.reconstruction.tubes.method import find_chains
+from strand.ropes.chain import Chain
+from strand.ropes.contacts import find_contacts
+from strand.support.checks import Array
+
+_MIN_TRUST = 0.8  # of chains that count
+_MEETING = 0.5  # gap between an end's axis and a strand's surface where they meet at most, radii
+_LEVEL = 0.5  # difference of their heights there at most, sums of their radii
+_OWN = 6.0  # stretch of rope at an end that it cannot meet, radii
+_TIED = 0.2  # gap of strands that a tie may hold together, radii
+
+
+def find_alone(observed: Observed, up: Array, config: Config, run: Run) -> list[Strand] | None:
+    """Return the ropes as strands without junctions; None if they may branch, or are not sure.
+
+    Parameters
+    ----------
+    observed : Observed
+    up : (3,) ndarray
+        Unit vector away from the table.
+    config : Config
+    run : Run
+        Its warnings stay as they are.
+    """
+    try:
+        found = find_chains(observed, config, run.fork())
+    except NotEnoughDataError:
+        return None
+    chains = found.chains
+    if compute_trust(found.doubts or ()) < _MIN_TRUST or _meet(chains, up):
+        return None
+    if find_contacts(chains, _TIED * min(chain.radius for chain in chains), up):
+        return None
+    return [Strand(chain.points, (None, None), chain.radius, chain.closed) for chain in chains]
+
+
+def _meet(chains: Sequence[Chain], up: Array) -> bool:
+    """Tell whether an end lies at a strand's side, at its height."""
+    for number, chain in enumerate(chains):
+        if chain.closed:
+            continue
+        for s in (0.0, chain.length):
+            tip = chain.at(np.array([s]))[0]
+            for other, host in enumerate(chains):
+                nodes = host.points
+                if other == number:
+                    away = np.abs(np.linspace(0.0, chain.length, len(nodes)) - s)
+                    nodes = nodes[away > _OWN * chain.radius]
+                if not len(nodes):
+                    continue
+                offsets = nodes - tip
+                nearest = offsets[np.einsum("ij,ij->i", offsets, offsets).argmin()]
+                rise = float(nearest @ up)
+                gap = float(np.linalg.norm(nearest - rise * up)) - host.radius
+                if gap < _MEETING * chain.radius and abs(rise) < _LEVEL * (chain.radius + host.radius):
+                    return True
+    return False

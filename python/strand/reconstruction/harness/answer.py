@@ -1,0 +1,106 @@
+"""Answer with a harness: its graph, its doubts, its confidence, and the model that holds them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from strand.reconstruction.answering import collect_poses, collect_stages, describe_chains, doubt_haste
+from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
+from strand.reconstruction.harness.certainty import judge
+from strand.reconstruction.harness.graph import Graph, make_graph, make_harness
+from strand.reconstruction.harness.method import FoundHarness, find_harness
+from strand.reconstruction.harness.wires import choose_radii, list_bundles
+from strand.reconstruction.observing import Hints, Scene
+from strand.reconstruction.stages import Found, Run
+from strand.reconstruction.upwards import find_up
+from strand.ropes.doubt import Doubt
+from strand.ropes.model import Model
+
+_NO_BUNDLES = 0.1  # doubt of strands that are no bundles of the given wire
+_UNEQUAL = 0.1  # doubt of a junction at which wires do not add up
+_MIN_WARNED = 0.1  # lesser doubts have no warning
+
+
+def answer_with_harness(scene: Scene, hints: Hints, run: Run, keep_stages: bool) -> Model:
+    """Find a harness in a scene, and build its model.
+
+    Parameters
+    ----------
+    scene : Scene
+    hints : Hints
+    run : Run
+    keep_stages : bool
+        Whether the model keeps the arrays between the stages.
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If the views show no ropes.
+    """
+    harness = find_harness(scene.observed, hints.config, run, hints.wire)
+    found = _collect(harness, scene)
+    poses, pose_sd = collect_poses(scene, found)
+    upwards = find_up(scene, found, found.chains, hints.previous)
+    chains = describe_chains(found.chains, scene.extract.whole, list(poses))
+    graph = make_graph(chains, harness.strands, harness.fitted.places, harness.fitted.covariances)
+    certainty = judge(harness, graph, chains)
+    wires, wire_doubts = _count_wires(harness, graph, hints.wire)
+    at_edge = doubt_ends_at_edge(chains, scene.extract.whole, scene.tables) if scene.tables else []
+    own = [*certainty.doubts, *wire_doubts, *upwards.doubts, *(doubt for doubt, _ in at_edge)]
+    for doubt in own:
+        if doubt.amount >= _MIN_WARNED:
+            run.warn(doubt.kind, str(doubt), doubt.place, doubt.amount)
+    doubts = sorted([*own, *scene.mask_doubts, *doubt_haste(run)], key=lambda doubt: -doubt.amount)
+    return Model(
+        tuple(chains),
+        poses,
+        run.timings,
+        tuple(run.warnings),
+        collect_stages(scene, found) if keep_stages else {},
+        pose_sd,
+        confidence=certainty.weigh(doubts),
+        doubts=tuple(doubts),
+        method=hints.config.method,
+        up=upwards.up,
+        table=upwards.table,
+        stamp=max((view.stamp for view in scene.extract.whole if view.stamp is not None), default=None),
+        harness=make_harness(graph, chains, certainty.nodes, wires),
+    )
+
+
+def _count_wires(
+    harness: FoundHarness, graph: Graph, wire: float | None
+) -> tuple[list[int | None], list[Doubt]]:
+    """Return the wires of each strand, and doubts where they do not add up."""
+    if wire is None:
+        return [None] * len(graph.pairs), []
+    fit = harness.fitted.fit
+    radii = fit.radii[fit.radius_classes]
+    choice = choose_radii(radii, graph.pairs, list_bundles(wire))
+    if choice.counts[0] is None:
+        reason = (
+            f"strands with radii of {radii.min() * 1e3:.1f} to {radii.max() * 1e3:.1f} mm are no bundles of"
+        )
+        return choice.counts, [
+            Doubt("wires", _NO_BUNDLES, "how many wires there are", f"{reason} wires of {wire * 1e3:.1f} mm")
+        ]
+    reason = "the wires of the thickest strand are not the sum of the others' wires"
+    return choice.counts, [
+        Doubt("wires", _UNEQUAL, "how many wires meet", reason, graph.places[node]) for node in choice.unequal
+    ]
+
+
+def _collect(harness: FoundHarness, scene: Scene) -> Found:
+    """Return the parts of an answer that all methods have."""
+    fit, views = harness.fitted.fit, scene.observed.views
+    starts = np.cumsum([len(view.points) for view in views])[:-1]
+    return Found(
+        harness.fitted.chains,
+        poses=[motion @ view.pose for motion, view in zip(fit.motions, views, strict=True)],
+        pose_sd=list(fit.pose_sd),
+        stages={
+            "registered": tuple(np.split(fit.points, starts)),
+            "arcs": tuple(strand.nodes for strand in harness.strands),
+            "fit": fit,
+        },
+    )

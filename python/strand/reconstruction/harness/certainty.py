@@ -1,0 +1,143 @@
+"""How sure a harness is: each place where strands meet, and the graph as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+import strand._core as _core
+from strand.reconstruction.harness.graph import Graph
+from strand.reconstruction.harness.method import FoundHarness
+from strand.ropes.chain import Chain
+from strand.ropes.doubt import Doubt
+
+_JUNCTION = 0.985  # confidence of a junction that nothing speaks against
+_END = 0.998  # that of a free end
+_CROSSING = 0.985  # that of a crossing
+_EVEN = 0.5  # margin of a place's interpretation where the next best one is as likely
+_SCALE = 1.0  # difference of margins that multiplies the odds by e
+_WORTH_SAYING = 0.03  # probability against a place that makes a doubt
+_SMALL_NOISE = 0.4  # of the least radius: noise that raises no doubt
+_NOISE_DOUBT = 1.5  # doubt for each further least radius of noise
+_SHORT = 3.0  # sums of radii: shorter edges may be part of one place
+_SHORT_DOUBT = 0.25  # doubt of each
+_NEAR_END = 4.0  # radii: ends nearer than this to another strand may belong to it
+_NEAR_DOUBT = 0.15  # doubt of each
+_BENT = np.radians(50.0)  # radians: turn of an edge close to its junction that is no rope's
+_BENT_REACH = (1.5, 6.0)  # radii from the junction between which it turns
+_BENT_DOUBT = 0.3  # doubt of each
+_LEFT_SHARE = 0.08  # share of points beside all tubes that raises no doubt
+_LEFT_DOUBT = 2.0  # doubt for all points
+
+
+@dataclass(frozen=True, eq=False)
+class Certainty:
+    """Probabilities and doubts of a graph.
+
+    Attributes
+    ----------
+    nodes : list of float
+        The confidence of each node.
+    crossings : list of float
+        That of each place where strands cross.
+    doubts : list of Doubt
+        Doubts of the graph beside these.
+    """
+
+    nodes: list[float]
+    crossings: list[float]
+    doubts: list[Doubt]
+
+    def weigh(self, doubts: Sequence[Doubt]) -> float:
+        """Return the probability that the whole graph is right, with all doubts of the answer."""
+        alone = sum(doubt.amount for doubt in doubts if doubt.kind not in ("junction", "wires"))
+        return float(np.prod([*self.nodes, *self.crossings]) * np.exp(-alone))
+
+
+def judge(found: FoundHarness, graph: Graph, chains: Sequence[Chain]) -> Certainty:
+    """Return how sure a graph is.
+
+    Parameters
+    ----------
+    found : FoundHarness
+    graph : Graph
+    chains : sequence of Chain
+        The edges.
+    """
+    decided, fit = found.decided, found.fitted.fit
+    joined = {end for strand in found.strands for end in strand.ends if end is not None}
+    margins = [decided.junctions[number].margin for number in sorted(joined)]
+    nodes = [_JUNCTION * _to_probability(margin) for margin in margins]
+    nodes += [_END] * (len(graph.places) - len(nodes))
+    crossings = [_CROSSING * _to_probability(passing.margin) for passing in decided.passings[::2]]
+    if not joined:
+        crossings = []
+    doubts = [
+        Doubt("junction", 1.0 - sure, "whether strands are joined", _WHY_JOINED, graph.places[number])
+        for number, sure in enumerate(nodes)
+        if sure < 1.0 - _WORTH_SAYING
+    ]
+    for passing, sure in zip(decided.passings[::2], crossings, strict=False):
+        if sure < 1.0 - _WORTH_SAYING:
+            place = found.drawn.lift(passing.middle[None], np.array([passing.height]))[0]
+            doubts.append(Doubt("junction", 1.0 - sure, "whether strands cross", _WHY_CROSSING, place))
+    noise = fit.sigma / float(fit.radii.min()) - _SMALL_NOISE
+    if noise > 0.0:
+        reason = f"the noise, {fit.sigma * 1e3:.2g} mm, is wide for ropes of {fit.radii.min() * 1e3:.2g} mm"
+        doubts.append(Doubt("noise", _NOISE_DOUBT * noise, "how the strands run", reason))
+    covered = fit.explained[found.drawn.cover(fit.points)]
+    left = 1.0 - float(covered.mean()) - _LEFT_SHARE if len(covered) else 1.0
+    if left > 0.0:
+        reason = f"{100.0 * (left + _LEFT_SHARE):.0f} % of the points lie on no strand"
+        doubts.append(Doubt("left out", _LEFT_DOUBT * left, "what is there", reason))
+    return Certainty(nodes, crossings, [*doubts, *_doubt_edges(graph, chains), *_doubt_ends(graph, chains)])
+
+
+_WHY_JOINED = "a crossing, or an end that lies on a strand, explains it nearly as well"
+_WHY_CROSSING = "a junction explains it nearly as well"
+
+
+def _to_probability(margin: float) -> float:
+    """Return the probability of an interpretation that is better than the next one by a margin."""
+    return float(1.0 / (1.0 + np.exp(-(margin + _EVEN) / _SCALE)))
+
+
+def _doubt_edges(graph: Graph, chains: Sequence[Chain]) -> list[Doubt]:
+    """Doubt edges that are too short, or that turn sharply beside their junction."""
+    degrees, doubts = graph.degrees, []
+    for pair, chain in zip(graph.pairs, chains, strict=True):
+        radius, length = chain.radius, chain.length
+        if length < 2.0 * _SHORT * radius and max(degrees[node] for node in pair) > 1:
+            reason = "an edge is hardly longer than thick: is it part of a junction?"
+            doubts.append(
+                Doubt("junction", _SHORT_DOUBT, "whether there is a branch", reason, chain.at(0.5 * length))
+            )
+        for late, node in enumerate(pair):
+            if degrees[node] < 2 or length < 2.0 * _BENT_REACH[1] * radius:
+                continue
+            s = np.array([0.0, *_BENT_REACH, _BENT_REACH[1] + _BENT_REACH[0]]) * radius
+            places = chain.at(length - s if late else s)
+            steps = np.diff(places, axis=0)
+            steps /= np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1e-12)
+            if np.arccos(np.clip(steps[0] @ steps[2], -1.0, 1.0)) > _BENT:
+                reason = "an edge turns sharply beside its junction"
+                doubts.append(Doubt("rival", _BENT_DOUBT, "how strands run", reason, graph.places[node]))
+    return doubts
+
+
+def _doubt_ends(graph: Graph, chains: Sequence[Chain]) -> list[Doubt]:
+    """Doubt free ends that lie beside another strand, or beside another end."""
+    degrees, doubts = graph.degrees, []
+    for number, (pair, chain) in enumerate(zip(graph.pairs, chains, strict=True)):
+        for late, node in enumerate(pair):
+            others = [other.points for k, other in enumerate(chains) if k != number]
+            if degrees[node] > 1 or not others:
+                continue
+            tip = np.ascontiguousarray(chain.points[-late][None])
+            gap = float(np.sqrt(_core.find_squared_distances(tip, np.concatenate(others))[0]))
+            if gap < _NEAR_END * chain.radius:
+                reason = "a strand ends beside another one: they may be joined"
+                doubts.append(Doubt("end", _NEAR_DOUBT, "whether a strand ends", reason, chain.points[-late]))
+    return doubts

@@ -1,0 +1,151 @@
+"""The ropes' points of all views in one frame: levelled by the table, and registered with the held view."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+import strand._core as _core
+from strand._core import NotEnoughDataError
+from strand.geometry.plane import Plane
+from strand.reconstruction.images.table_plane import find_table, find_table_beside_ropes
+from strand.reconstruction.stages import Observed
+from strand.support.checks import Array
+from strand.views.pose import moved
+from strand.views.view import View
+
+_MAX_POINTS = 20_000  # of a cloud in which a table is sought
+_FLOOR_HEIGHT = 0.5  # of points of the table at most, least radii
+_LOWEST = 0.5  # height of points of ropes over the table at least, least radii
+_REGISTERED = 4000  # points of a view that are registered
+_REACH = 2.0  # distance of corresponding points at most, greatest radii
+_NEIGHBORS = 14  # that tell a normal
+_ITERATIONS = 25
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Points of ropes and of the table.
+
+    Attributes
+    ----------
+    motions : (V, 4, 4) ndarray
+        Correction of each view's pose, in the world frame.
+    given, clouds : list of (N, 3) ndarray
+        The ropes' points of each view at reported and at corrected poses, metres.
+    viewpoints : (V, 3) ndarray
+        The cameras' centres at corrected poses, metres.
+    floor : (M, 3) ndarray
+        Points of the table near the ropes; none without a table.
+    up : (3,) ndarray
+        The table's normal, or the way to the held camera.
+    table : Plane or None
+    """
+
+    motions: Array
+    given: list[Array]
+    clouds: list[Array]
+    viewpoints: Array
+    floor: Array
+    up: Array
+    table: Plane | None
+
+
+def find_ground(observed: Observed, radii: tuple[float, float]) -> Ground:
+    """Bring the views' points into one frame; `radii` are the least and the greatest, metres."""
+    held = observed.held
+    tables = [_find_table(observed, place, radii[0]) for place in range(len(observed.views))]
+    table = tables[held]
+    clouds = [view.world_points for view in observed.views]
+    viewpoints = np.array([view.viewpoint for view in observed.views])
+    middle = clouds[held].mean(axis=0)
+    up = table.normal if table is not None else viewpoints[held] - middle
+    up = np.asarray(up / np.linalg.norm(up))
+    motions = np.tile(np.eye(4), (len(clouds), 1, 1))
+    for place, own in enumerate(tables):
+        if place != held and own is not None and table is not None:
+            motions[place] = _level(own, table, middle)
+    if table is not None:
+        # errors of the poses had let points of the table into the extraction range
+        standing = [
+            table.measure_heights(moved(cloud, motion)) > _LOWEST * radii[0]
+            for cloud, motion in zip(clouds, motions, strict=True)
+        ]
+        clouds = [cloud[chosen] for cloud, chosen in zip(clouds, standing, strict=True)]
+    given = clouds
+    clouds = [moved(cloud, motion) for cloud, motion in zip(clouds, motions, strict=True)]
+    motions = _register(clouds, moved(viewpoints[held][None], motions[held])[0], held, radii[1]) @ motions
+    clouds = [moved(cloud, motion) for cloud, motion in zip(given, motions, strict=True)]
+    viewpoints = np.array(
+        [moved(center[None], motion)[0] for center, motion in zip(viewpoints, motions, strict=True)]
+    )
+    floor = np.zeros((0, 3))
+    if table is not None:
+        low, high = (
+            np.min([cloud.min(axis=0) for cloud in clouds], axis=0),
+            np.max([cloud.max(axis=0) for cloud in clouds], axis=0),
+        )
+        seen = []
+        for view, motion in zip(observed.whole, motions, strict=True):
+            points = moved(_collect_points(view), motion)
+            near = ((points > low - radii[1]) & (points < high + radii[1])).sum(axis=1) >= 2
+            points = points[near]
+            seen.append(points[np.abs(table.measure_heights(points)) < _FLOOR_HEIGHT * radii[0]])
+        floor = np.concatenate(seen)
+    return Ground(motions, given, clouds, viewpoints, floor, up, table)
+
+
+def _find_table(observed: Observed, place: int, radius: float) -> Plane | None:
+    """Return the table that a view shows, at its reported pose; None without one."""
+    whole = observed.whole[place]
+    if whole.image is not None:
+        return find_table_beside_ropes(observed.images[place], radius)
+    points = whole.world_points
+    found = find_table(points[:: max(len(points) // _MAX_POINTS, 1)])
+    return found
+
+
+def _collect_points(whole: View) -> Array:
+    """Return all points that a view shows, also beside its mask, world frame, metres."""
+    if whole.image is None:
+        return whole.world_points
+    rows, columns = np.nonzero(whole.image.depth > 0.0)
+    return whole.image.lift(rows, columns, whole.image.depth[rows, columns])
+
+
+def _level(own: Plane, table: Plane, middle: Array) -> Array:
+    """Return the motion that turns and lifts a view so that its table is the held view's."""
+    axis, cosine = np.cross(own.normal, table.normal), float(own.normal @ table.normal)
+    motion = np.eye(4)
+    if cosine <= 0.0:
+        return motion
+    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    motion[:3, :3] += cross + cross @ cross / (1.0 + cosine)
+    on_own = middle - own.normal * float(own.measure_heights(middle))
+    on_table = middle - table.normal * float(table.measure_heights(middle))
+    motion[:3, 3] = on_table - motion[:3, :3] @ on_own
+    return motion
+
+
+def _register(clouds: Sequence[Array], viewpoint: Array, held: int, radius: float) -> Array:
+    """Return the motion (V, 4, 4) of each cloud onto the held one, by ICP to planes."""
+    motions = np.tile(np.eye(4), (len(clouds), 1, 1))
+    if len(clouds) == 1:
+        return motions
+    target = clouds[held]
+    normals = _core.estimate_normals(target, k=min(_NEIGHBORS, len(target)), viewpoint=viewpoint)
+    for place, cloud in enumerate(clouds):
+        if place == held:
+            continue
+        some = cloud[:: max(len(cloud) // _REGISTERED, 1)]
+        try:
+            found = _core.icp(
+                some, target, _REACH * radius, target_normals=normals, max_iterations=_ITERATIONS
+            ).transformation
+        except NotEnoughDataError:
+            continue
+        if np.linalg.norm((moved(cloud, found) - cloud).mean(axis=0)) < _REACH * radius:
+            motions[place] = found
+    return motions

@@ -1,0 +1,255 @@
+"""The joint fit of a harness: all strands and poses to all points; strands share the point at a junction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+import strand._core as _core
+from strand._core import TubeFit
+from strand.config import Config
+from strand.geometry.curve import Curve
+from strand.reconstruction.harness.strands import Strand, list_pairs
+from strand.reconstruction.harness.wires import choose_radii
+from strand.reconstruction.tubes.clouds import Clouds
+from strand.reconstruction.tubes.fitting import ROPE_MARGIN, ROUGH_TOLERANCE, fit_curves
+from strand.reconstruction.tubes.tube_ends import find_extents
+from strand.reconstruction.tubes.tube_nodes import make_chains
+from strand.ropes.chain import Chain
+from strand.support.checks import Array
+
+_RADIUS_SD = 0.2  # radii: deviation of half widths of the mask from radii
+_SAME_SD = 0.003  # radii: deviation of radii that the caller gave
+_ALONG = 0.05  # weight of a junction's place in the plan over that of strands
+_APART = 0.9  # distance of strands that are apart, sums of their radii
+_FARTHEST = 10.0  # distance from a junction at which strands tell where they meet at most, radii
+_TELLING = 5.0  # length of the stretch that tells, radii
+_BEYOND = 4.0  # stretch beyond a junction's first place, radii
+_SAMPLES = 100  # of a curve
+_SHIFTED = 4.0  # stretch at a junction that bends to the shared point, radii
+_ROUNDS = 3  # of finding a junction's place
+_SAME_END = 1.0  # distance of the end of points from that of the mask where the points count, radii
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Strands after the joint fit.
+
+    Attributes
+    ----------
+    fit : TubeFit
+    chains : list of Chain
+        One for each strand, from its first node to its last.
+    places : (J, 3) ndarray
+        The junctions, metres.
+    covariances : (J, 3, 3) ndarray
+        Of these, m^2.
+    widths : (K,) ndarray
+        The radius of each strand as measured on its own, metres.
+    """
+
+    fit: TubeFit
+    chains: list[Chain]
+    places: Array
+    covariances: Array
+    widths: Array
+
+
+def fit_harness(
+    clouds: Clouds,
+    strands: Sequence[Strand],
+    places: Array,
+    motions: Array,
+    radii: Array | None,
+    config: Config,
+) -> Fitted:
+    """Fit strands and poses to the points of all views.
+
+    Parameters
+    ----------
+    clouds : Clouds
+    strands : sequence of Strand
+    places : (J, 3) ndarray
+        The junctions, metres.
+    motions : (V, 4, 4) ndarray
+        Corrections of the poses to start from.
+    radii : (K,) ndarray or None
+        The radii that ropes may have, metres; None if nobody knows.
+    """
+    start = np.array([strand.half_width for strand in strands])
+    if radii is not None:
+        start = _choose(radii, start)
+    curves = [_make_spline(strand, radius, config) for strand, radius in zip(strands, start, strict=True)]
+    each = list(range(len(strands)))
+    rough = fit_curves(
+        clouds, curves, each, motions, start, config, tolerance=ROUGH_TOLERANCE, uncertainty=False
+    )
+    prior = np.column_stack([start, _RADIUS_SD * start])
+    along_ray: dict[str, Any] = {"along_ray": True, "band": (0.5, 0.5), "iterations": 30}
+    alone = fit_curves(
+        clouds,
+        rough.curves,
+        each,
+        rough.motions,
+        start,
+        config,
+        radius_prior=prior,
+        uncertainty=False,
+        tolerance=ROUGH_TOLERANCE,
+        **along_ray,
+    )
+    widths = np.array(alone.radii)
+    final = widths
+    if radii is not None:
+        chosen = choose_radii(widths, list_pairs(strands, len(places)), radii)
+        final = radii[chosen.numbers]
+    prior = np.column_stack([final, (_SAME_SD if radii is not None else _RADIUS_SD) * final])
+    fit = fit_curves(
+        clouds,
+        alone.curves,
+        each,
+        alone.motions,
+        final,
+        config,
+        radius_prior=prior,
+        uncertainty=True,
+        **along_ray,
+    )
+    parts = _cut(fit, strands)
+    places, covariances, parts = _share_points(fit, parts, strands, places)
+    closed = [strand.closed for strand in strands]
+    chains = make_chains(fit, parts, closed, fit.radii_sd[fit.radius_classes], config)
+    chains = [_bend_to(chain, strand, places) for chain, strand in zip(chains, strands, strict=True)]
+    return Fitted(fit, chains, places, covariances, widths)
+
+
+def _choose(radii: Array, measured: Array) -> Array:
+    """Return the given radius that is nearest to each measured one, by ratio."""
+    return np.asarray(radii[np.abs(np.log(measured[:, None] / radii[None])).argmin(axis=1)])
+
+
+def _make_spline(strand: Strand, radius: float, config: Config) -> Array:
+    """Return control points of a spline through a strand, which goes on beyond free ends."""
+    nodes = strand.nodes
+    for late in (False, True):
+        if strand.ends[late] is None and not strand.closed:
+            tip, inner = (nodes[-1], nodes[-4]) if late else (nodes[0], nodes[3])
+            outward = (tip - inner) / max(float(np.linalg.norm(tip - inner)), 1e-12)
+            beyond = (tip + ROPE_MARGIN * radius * outward)[None]
+            nodes = np.concatenate([nodes, beyond] if late else [beyond, nodes])
+    return _core.fit_spline(
+        nodes, config.tubes.spacing * radius, ROPE_MARGIN * radius if strand.closed else 0.0
+    )
+
+
+def _cut(fit: TubeFit, strands: Sequence[Strand]) -> list[Curve]:
+    """Cut free ends to where their points end, or the mask does if both are far apart; others stay."""
+    parts = []
+    for number, (part, strand) in enumerate(zip(find_extents(fit, exclusive=True), strands, strict=True)):
+        whole = Curve.whole(fit.curves[number])
+        ends = [whole.start, whole.stop]
+        for late in (0, 1):
+            if strand.closed or strand.ends[late] is not None:
+                continue
+            tip = _find_passing(whole, strand.nodes[-late], late)
+            ends[late] = float(whole.parameter_at(tip))
+            if part is None:
+                continue
+            end = (part.start, part.stop)[late]
+            if abs(float(whole.arc_length_at(end)) - tip) < _SAME_END * fit.radius(number):
+                ends[late] = end
+        parts.append(replace(whole, start=ends[0], stop=ends[1]) if ends[0] < ends[1] else whole)
+    return parts
+
+
+def _share_points(
+    fit: TubeFit, parts: list[Curve], strands: Sequence[Strand], places: Array
+) -> tuple[Array, Array, list[Curve]]:
+    """Return each junction's place and covariance, and curves cut to where they pass it.
+
+    Near a junction tubes overlap, and points do not tell their axes apart. So the place is where the strands
+    meet when they go on from where they are apart, with the bend that they have there.
+    """
+    found = np.array(places, dtype=np.float64).reshape(-1, 3)
+    covariances = np.zeros((len(found), 3, 3))
+    parts = list(parts)
+    for number in range(len(found)):
+        at = [(k, late) for k, strand in enumerate(strands) for late in (0, 1) if strand.ends[late] == number]
+        outward = [_sample_outward(parts[k], found[number], late) for k, late in at]
+        radii = [fit.radius(k) for k, _ in at]
+        ways = [_continue_inward(outward, radii, own) for own in range(len(at))]
+        start = found[number].copy()
+        normal = np.eye(3)
+        for _ in range(_ROUNDS):
+            normal, right = _ALONG * np.eye(3), _ALONG * start
+            for way in ways:
+                nearest = int(np.linalg.norm(way[1:-1] - found[number], axis=1).argmin()) + 1
+                tangent = way[nearest + 1] - way[nearest - 1]
+                tangent = tangent / max(float(np.linalg.norm(tangent)), 1e-12)
+                across = np.eye(3) - np.outer(tangent, tangent)
+                normal, right = normal + across, right + across @ way[nearest]
+            found[number] = np.linalg.solve(normal, right)
+        covariances[number] = np.linalg.inv(normal) * fit.sigma**2
+        for k, late in at:
+            s = _find_passing(parts[k], found[number], late)
+            part = parts[k]
+            length = part.length
+            parts[k] = part.trimmed(0.0, s) if late else part.trimmed(s, length)
+    return found, covariances, parts
+
+
+def _find_passing(part: Curve, place: Array, late: int) -> float:
+    """Return the arc length at which a curve passes a place, in the half at one end."""
+    half = 0.5 * part.length
+    s = np.linspace(half, part.length, _SAMPLES) if late else np.linspace(0.0, half, _SAMPLES)
+    positions = part.at(s)[0]
+    return float(s[np.linalg.norm(positions - place, axis=1).argmin()])
+
+
+def _sample_outward(part: Curve, place: Array, late: int) -> Array:
+    """Return places (M, 3) on a curve from a junction to the curve's middle, metres."""
+    s = _find_passing(part, place, late)
+    return part.at(np.linspace(s, 0.5 * part.length, _SAMPLES))[0]
+
+
+def _continue_inward(outward: Sequence[Array], radii: Sequence[float], own: int) -> Array:
+    """Return the way (M, 3) of a strand to a junction and beyond, continued from where it is apart."""
+    nodes, radius = outward[own], radii[own]
+    along = measure_arc(nodes)
+    apart = np.ones(len(nodes), dtype=bool)
+    for other, others in enumerate(outward):
+        if other != own:
+            gaps = np.sqrt(_core.find_squared_distances(nodes, others))
+            apart &= gaps > _APART * (radius + radii[other])
+    first = int(apart.argmax()) if apart.any() else 0
+    first = min(first, int(np.searchsorted(along, _FARTHEST * radius)), len(nodes) - 2)
+    used = (along >= along[first]) & (along <= along[first] + _TELLING * radius)
+    if used.sum() < 4:
+        used[first : first + 4] = True
+    origin = along[first]
+    bent = np.polynomial.polynomial.polyfit(along[used] - origin, nodes[used], 2)
+    s = np.linspace(-origin - _BEYOND * radius, 0.0, _SAMPLES)
+    return np.asarray(np.polynomial.polynomial.polyval(s, bent).T)
+
+
+def measure_arc(nodes: Array) -> Array:
+    """Return the arc length at each of some nodes, metres."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1))])
+
+
+def _bend_to(chain: Chain, strand: Strand, places: Array) -> Chain:
+    """Return a chain whose ends lie at its junctions."""
+    points = np.array(chain.points)
+    for late in (0, 1):
+        number = strand.ends[late]
+        if number is None:
+            continue
+        away = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        s = np.concatenate([[0.0], np.cumsum(away)])
+        s = s[-1] - s if late else s
+        share = np.clip(1.0 - s / min(_SHIFTED * chain.radius, 0.5 * s.max()), 0.0, None) ** 2
+        points = points + share[:, None] * (places[number] - points[-late])
+    return replace(chain, points=points, curve=None)

@@ -1,0 +1,121 @@
+"""Find a harness: ropes that branch, as a graph of junctions, ends and strands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import strand._core as _core
+from strand._core import NotEnoughDataError
+from strand.config import Config
+from strand.reconstruction.harness.alone import find_alone
+from strand.reconstruction.harness.ground import Ground, find_ground
+from strand.reconstruction.harness.joint_fit import Fitted, fit_harness
+from strand.reconstruction.harness.lines import Lines, trace_lines
+from strand.reconstruction.harness.places import Decisions, decide_places
+from strand.reconstruction.harness.strands import Strand, follow_strands
+from strand.reconstruction.harness.surface_map import SurfaceMap, make_map
+from strand.reconstruction.harness.wires import list_bundles
+from strand.reconstruction.stages import Observed, Run
+from strand.reconstruction.tubes.clouds import Clouds
+from strand.reconstruction.wide_surfaces import describe_surface
+from strand.support.checks import Array
+
+_MAX_WIDTH = 1.8  # half width of strands whose points may be a surface, greatest radii
+_MAX_STRANDS = 120  # of a harness: more are a net, or no ropes
+
+
+@dataclass(frozen=True, eq=False)
+class FoundHarness:
+    """A harness, and what it was found by.
+
+    Attributes
+    ----------
+    drawn : SurfaceMap
+    ground : Ground
+    lines : Lines
+    decided : Decisions
+    strands : list of Strand
+        Before the fit.
+    places : (J, 3) ndarray
+        The junctions before the fit, metres.
+    fitted : Fitted
+    """
+
+    drawn: SurfaceMap
+    ground: Ground
+    lines: Lines
+    decided: Decisions
+    strands: list[Strand]
+    places: Array
+    fitted: Fitted
+
+
+def find_harness(observed: Observed, config: Config, run: Run, wire: float | None = None) -> FoundHarness:
+    """Find the graph of ropes that branch.
+
+    Parameters
+    ----------
+    observed : Observed
+    config : Config
+    run : Run
+    wire : float, optional
+        The radius of a wire, metres, if strands are bundles of wires.
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If the points show no ropes.
+    """
+    given = None if observed.radii.free or observed.radii.held else observed.radii.values
+    if given is None and wire is not None:
+        given = list_bundles(wire)
+    radii = (float(observed.radii.values.min()), float(observed.radii.values.max()))
+    with run.stage("register"):
+        ground = find_ground(observed, radii)
+    with run.stage("map"):
+        drawn = make_map(ground.clouds, ground.viewpoints, ground.floor, ground.up, radii, observed.held)
+        lines = trace_lines(drawn, radii[0])
+    with run.stage("places"):
+        if len(lines.arcs) > _MAX_STRANDS:
+            raise NotEnoughDataError(
+                f"views: the points make {len(lines.arcs)} strands, at most {_MAX_STRANDS}: a net, or noise; "
+                "give bounds or masks of the ropes alone"
+            )
+        decided = decide_places(lines, drawn, ground.table is not None)
+        strands = follow_strands(lines, decided, drawn, given)
+        _refuse_surfaces(strands, observed, radii[1])
+        places = _lift_junctions(decided, strands)
+        alone = find_alone(observed, ground.up, config, run)
+        if alone is not None:
+            strands, places = alone, np.zeros((0, 3))
+    with run.stage("fit"):
+        centers = np.array([view.viewpoint for view in observed.views])
+        clouds = Clouds(
+            [_core.copy_constant(cloud) for cloud in ground.given], centers, observed.held, observed.bounds
+        )
+        fitted = fit_harness(clouds, strands, places, ground.motions, given, config)
+    return FoundHarness(drawn, ground, lines, decided, strands, places, fitted)
+
+
+def _refuse_surfaces(strands: list[Strand], observed: Observed, radius: float) -> None:
+    """Refuse strands far wider than ropes of the greatest radius, metres, that look like a surface."""
+    if np.median([strand.half_width for strand in strands]) > _MAX_WIDTH * radius:
+        surface = describe_surface(observed.views, radius)
+        if surface is not None:
+            raise NotEnoughDataError(f"views: {surface}")
+
+
+def _lift_junctions(decided: Decisions, strands: list[Strand]) -> Array:
+    """Return the junctions (J, 3): where their thickest strand ends, metres."""
+    places = np.zeros((len(decided.junctions), 3))
+    for number in range(len(places)):
+        at = [
+            (strand.half_width, strand.nodes[-late])
+            for strand in strands
+            for late in (0, 1)
+            if strand.ends[late] == number
+        ]
+        places[number] = max(at, key=lambda found: found[0])[1]
+    return places

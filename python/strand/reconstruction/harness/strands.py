@@ -1,0 +1,212 @@
+"""Strands: arcs followed through crossings from node to node, and lifted to the height of the ropes' axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import count
+
+import numpy as np
+
+from strand.reconstruction.harness.lines import NO_HUB, Lines
+from strand.reconstruction.harness.places import Decisions, End, Passing
+from strand.reconstruction.harness.ports import measure_along
+from strand.reconstruction.harness.surface_map import SurfaceMap
+from strand.support.checks import Array
+
+_SPACING = 0.35  # distance of a strand's nodes, half widths
+_SMOOTHING = 0.75  # standard deviation of the smoothing along a strand, half widths
+_BENT_LINE = 2.2  # distance from a crossing up to which the mask's middle line bends to it, half widths
+_HIDDEN = 2.6  # distance from a crossing up to which the upper strand hides the lower one, half widths
+_ENDS = 4.0  # stretches at ends that do not tell a width, half widths
+_AXIS = 0.93  # depth of the axis below the smoothed surface, radii
+_TIP = 3.0  # length of the stretch that tells where an end points, half widths
+_MAX_TIP = 60  # steps of half a cell from an end to the mask's edge at most
+_FEWEST = 4  # nodes of a strand at least
+
+
+@dataclass(frozen=True, eq=False)
+class Strand:
+    """A stretch of rope from node to node.
+
+    Attributes
+    ----------
+    nodes : (M, 3) ndarray
+        Its axis, world frame, metres.
+    ends : (int or None, int or None)
+        Numbers of the junctions at its first and last node; None at a free end, and at both of a ring.
+    half_width : float
+        Median half width of its mask, metres.
+    closed : bool
+        Whether it is a ring without a junction.
+    """
+
+    nodes: Array
+    ends: tuple[int | None, int | None]
+    half_width: float
+    closed: bool
+
+
+def list_pairs(strands: Sequence[Strand], junctions: int) -> list[tuple[int, int]]:
+    """Return the nodes at which each strand starts and stops; free ends count on from the junctions."""
+    free = count(junctions)
+    pairs = []
+    for strand in strands:
+        first, last = (next(free) if end is None else end for end in strand.ends)
+        pairs.append((first, last))
+    return pairs
+
+
+def follow_strands(lines: Lines, decided: Decisions, drawn: SurfaceMap, radii: Array | None) -> list[Strand]:
+    """Return the strands between the nodes.
+
+    Parameters
+    ----------
+    lines : Lines
+    decided : Decisions
+    drawn : SurfaceMap
+    radii : (K,) ndarray or None
+        The radii that ropes may have, metres.
+    """
+    onward: dict[End, tuple[End, Passing]] = {}
+    for passing in decided.passings:
+        first, second = passing.ends
+        onward[first], onward[second] = (second, passing), (first, passing)
+    junction_at = {end: number for number, junction in enumerate(decided.junctions) for end in junction.ends}
+    laid_at = {laid.end: laid.place for laid in decided.laid}
+    seen: set[int] = set(decided.inner)
+    starts = [(arc, end) for arc in range(len(lines.arcs)) for end in (0, 1) if (arc, end) not in onward]
+    starts += [(arc, 0) for arc in range(len(lines.arcs))]
+    strands = []
+    for start in starts:
+        if start[0] in seen:
+            continue
+        pieces, passed, stop = _follow(start, lines, onward, seen)
+        cells = _bridge(pieces, passed, drawn)
+        closed = start in onward
+        ends: list[int | None] = [None, None]
+        for place, end in enumerate((start, stop)):
+            backwards = cells[::-1] if place == 0 else cells
+            if closed:
+                continue
+            if end in junction_at:
+                ends[place] = junction_at[end]
+                extended = _lead_to(backwards, decided.junctions[junction_at[end]].place)
+            elif end in laid_at:
+                extended = np.vstack([backwards, laid_at[end]])
+            else:
+                extended = _reach_edge(backwards, drawn)
+            cells = extended[::-1] if place == 0 else extended
+        if lines.arcs[start[0]].hubs == (NO_HUB, NO_HUB) and len(pieces) == 1 and _is_ring(pieces[0]):
+            closed = True
+        strands.append(_lift(cells, passed, (ends[0], ends[1]), closed, drawn, radii))
+    return strands
+
+
+def _follow(
+    start: End, lines: Lines, onward: dict[End, tuple[End, Passing]], seen: set[int]
+) -> tuple[list[Array], list[Passing], End]:
+    """Follow arcs through crossings; return their cells, the crossings, and the last end."""
+    pieces: list[Array] = []
+    passed: list[Passing] = []
+    number, end = start
+    while True:
+        seen.add(number)
+        pieces.append(lines.arcs[number].from_end(end))
+        stop = (number, 1 - end)
+        following = onward.get(stop)
+        if following is None:
+            return pieces, passed, stop
+        passed.append(following[1])
+        if following[0][0] in seen:
+            return pieces, passed, stop
+        number, end = following[0]
+
+
+def _bridge(pieces: list[Array], passed: list[Passing], drawn: SurfaceMap) -> Array:
+    """Return pieces in one, which go straight on where another strand bends the mask's middle line."""
+    kept = [pieces[0]]
+    for piece, passing in zip(pieces[1:], passed, strict=False):
+        kept[-1] = _leave_out(kept[-1][::-1], passing, drawn)[::-1]
+        kept.append(_leave_out(piece, passing, drawn))
+    return np.concatenate(kept)
+
+
+def _leave_out(cells: Array, passing: Passing, drawn: SurfaceMap) -> Array:
+    """Return cells without the first ones, which are too near to a crossing."""
+    reach = _BENT_LINE * float(np.median(drawn.sample_widths(cells)))
+    away = np.linalg.norm(cells - passing.middle, axis=1)
+    away = np.maximum.accumulate(away)
+    first = int((away > reach).argmax()) if away[-1] > reach else len(cells) - 1
+    return cells[min(first, len(cells) // 2) :]
+
+
+def _is_ring(cells: Array) -> bool:
+    return len(cells) > 8 and float(np.abs(cells[0] - cells[-1]).max()) <= 2.0
+
+
+def _lead_to(cells: Array, place: Array) -> Array:
+    """Return cells that end at a place: cut where they pass nearest to it, then led to it."""
+    nearest = int(np.linalg.norm(cells - place, axis=1).argmin())
+    kept = cells[: nearest + 1] if nearest > 1 else cells
+    return np.vstack([kept, place])
+
+
+def _reach_edge(cells: Array, drawn: SurfaceMap) -> Array:
+    """Return cells that go on to the mask's edge."""
+    tip = cells[-1]
+    back = min(len(cells) - 1, int(_TIP * float(drawn.sample_widths(tip[None])[0])) + 3)
+    direction = tip - cells[-1 - back]
+    direction = direction / max(float(np.linalg.norm(direction)), 1e-9)
+    place = tip.copy()
+    for _ in range(_MAX_TIP):
+        if not drawn.holds(place + 0.5 * direction):
+            break
+        place = place + 0.5 * direction
+    return np.vstack([cells, place])
+
+
+def _lift(
+    cells: Array,
+    passed: list[Passing],
+    ends: tuple[int | None, int | None],
+    closed: bool,
+    drawn: SurfaceMap,
+    radii: Array | None,
+) -> Strand:
+    """Smooth a strand in the plan, and lift it by the height of the ridge."""
+    along = measure_along(cells)
+    half = max(float(np.median(drawn.sample_widths(cells))), 1.0)
+    places = np.linspace(0.0, along[-1], max(int(along[-1] / (_SPACING * half)), _FEWEST))
+    plan = np.column_stack([np.interp(places, along, cells[:, axis]) for axis in (0, 1)])
+    deviation = _SMOOTHING * half / max(places[1] - places[0], 1e-9)
+    smooth = smooth_nodes(plan, deviation)
+    smooth[[0, -1]] = plan[[0, -1]]
+    inside = (places > _ENDS * half) & (places < places[-1] - _ENDS * half)
+    widths = drawn.sample_widths(smooth)
+    half_width = float(np.median(widths[inside] if inside.sum() > _FEWEST else widths)) * drawn.cell
+    radius = half_width if radii is None else float(radii[np.abs(radii - half_width).argmin()])
+    heights = drawn.sample_heights(smooth)
+    hidden = np.zeros(len(places), dtype=bool)
+    for passing in passed:
+        if passing.other is not None and passing.height < passing.other:
+            nearest = int(np.linalg.norm(smooth - passing.middle, axis=1).argmin())
+            hidden |= np.abs(places - places[nearest]) < _HIDDEN * half
+    if (~hidden).sum() >= _FEWEST:
+        heights = np.interp(places, places[~hidden], _take_medians(heights[~hidden]))
+    heights = smooth_nodes(heights[:, None], deviation)[:, 0] - _AXIS * radius
+    return Strand(drawn.lift(smooth, heights), ends, half_width, closed)
+
+
+def smooth_nodes(values: Array, deviation: float) -> Array:
+    """Return values (M, K) smoothed along the first axis by a Gaussian; ends are repeated beyond."""
+    reach = max(int(np.ceil(3.0 * deviation)), 1)
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(deviation, 1e-3)) ** 2)
+    padded = np.pad(values, ((reach, reach), (0, 0)), mode="edge")
+    return np.column_stack([np.convolve(column, kernel / kernel.sum(), mode="valid") for column in padded.T])
+
+
+def _take_medians(values: Array) -> Array:
+    """Return the median of five neighbours of each value."""
+    padded = np.pad(values, 2, mode="edge")
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))

@@ -1,0 +1,112 @@
+"""Ropes that branch, from views to the graph."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import strand
+from strand import _core
+from strand.synthetic import Camera, Noise, harness
+
+CAMERA = Camera(size=(480, 360))
+RADII = 3.0  # a node is at its place, and an edge along its line, if no farther away
+
+
+def look(kind, seed, **options):
+    made = harness(kind, seed=seed, views=3, camera=CAMERA, noise=Noise(depth=0.0003))
+    options = {"radius": sorted(set(made.radii)), **options}
+    return made, strand.reconstruct(made.views, bounds=made.bounds, branches=True, **options)
+
+
+def match_nodes(made, found):
+    """Return the found node at each true one."""
+    used = sorted({node for pair in made.edges for node in pair})
+    places = np.array([node.position for node in found.nodes])
+    nearest = {node: int(np.linalg.norm(places - made.nodes[node], axis=1).argmin()) for node in used}
+    for node, other in nearest.items():
+        assert np.linalg.norm(places[other] - made.nodes[node]) < RADII * max(made.radii)
+    assert sorted(nearest.values()) == list(range(len(found.nodes)))
+    return nearest
+
+
+def check_graph(made, model):
+    found = model.harness
+    nearest = match_nodes(made, found)
+    pairs = sorted(tuple(sorted((nearest[a], nearest[b]))) for a, b in made.edges)
+    assert pairs == sorted(tuple(sorted((edge.start, edge.stop))) for edge in found.edges)
+    for (a, b), line in zip(made.edges, made.truth, strict=True):
+        length = np.linalg.norm(np.diff(line, axis=0), axis=1).sum()
+        ends = {nearest[a], nearest[b]}
+        same = [edge.length for edge in found.edges if {edge.start, edge.stop} == ends]
+        assert min(abs(np.array(same) - length)) < 0.05 * length
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("tree", 0), ("equal", 1), ("cross", 1), ("laid", 0)])
+def test_graphs_are_as_drawn(kind, seed):
+    made, model = look(kind, seed)
+    check_graph(made, model)
+    assert model.confidence > 0.5
+
+
+def test_the_models_chains_are_the_edges():
+    _, model = look("tree", 1)
+    edges = model.harness.edges
+    assert [edge.chain for edge in edges] == list(model.chains)
+    for edge in edges:
+        for node, place in ((edge.start, edge.chain.points[0]), (edge.stop, edge.chain.points[-1])):
+            np.testing.assert_allclose(model.harness.nodes[node].position, place, atol=edge.radius)
+    for node in model.harness.nodes:
+        assert (np.linalg.eigvalsh(node.covariance) >= -1e-15).all()
+        assert 0.0 < node.confidence <= 1.0
+
+
+def test_a_rope_is_a_graph_of_one_edge():
+    scene = strand.synthetic.scene("s", views=3)
+    model = strand.reconstruct(scene.views, scene.radius, scene.bounds, branches=True)
+    (edge,) = model.harness.edges
+    assert [node.kind for node in model.harness.nodes] == ["end", "end"]
+    assert edge.length == pytest.approx(
+        np.linalg.norm(np.diff(scene.truth[0], axis=0), axis=1).sum(), rel=0.02
+    )
+
+
+def test_wires_are_counted():
+    made = harness("tree", seed=0, views=3, camera=CAMERA, noise=Noise(depth=0.0003))
+    wire = made.radii[0] / np.sqrt(made.wires[0])
+    model = strand.reconstruct(made.views, sorted(set(made.radii)), made.bounds, branches=True, wire=wire)
+    nearest = match_nodes(made, model.harness)
+    truth = {
+        frozenset((nearest[a], nearest[b])): wires
+        for (a, b), wires in zip(made.edges, made.wires, strict=True)
+    }
+    assert {frozenset((edge.start, edge.stop)): edge.wires for edge in model.harness.edges} == truth
+
+
+def test_the_bits_are_the_same_for_any_number_of_threads():
+    threads = _core.num_threads()
+    try:
+        saved = []
+        for count in (1, 2):
+            _core.set_num_threads(count)
+            _, model = look("tree", 2)
+            saved.append([chain.points.tobytes() for chain in model.chains])
+    finally:
+        _core.set_num_threads(threads)
+    assert saved[0] == saved[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "argument"),
+    [
+        ({"wire": 0.002}, "wire"),
+        ({"branches": True, "ropes": 2}, "branches"),
+        ({"branches": True, "length": 0.4}, "branches"),
+        ({"branches": True, "config": strand.Config(method="published")}, "branches"),
+        ({"branches": True, "wire": -1.0}, "wire"),
+    ],
+)
+def test_arguments_that_exclude_each_other_are_refused(options, argument):
+    scene = strand.synthetic.scene("s", views=1)
+    with pytest.raises(ValueError, match=f"^{argument}: "):
+        strand.reconstruct(scene.views, scene.radius, scene.bounds, **options)
