@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby, product
@@ -171,6 +172,16 @@ class Grasps:
 
     found: tuple[Grasp, ...]
     refused: tuple[NoGrasp, ...]
+
+    def __repr__(self) -> str:
+        return f"Grasps({len(self.found)} found, {len(self.refused)} stretches refused)"
+
+    def __str__(self) -> str:
+        """Return the best grasp and the reasons why other stretches have none, in words."""
+        best = f"{len(self.found)} places to hold, the best: {self.found[0]}" if self.found else "no grasp"
+        kinds = Counter(one.kind for one in self.refused)
+        lines = [f"{count} stretches without one: {REASONS[kind]}" for kind, count in kinds.most_common()]
+        return "\n".join([best, *lines])
 
     def __len__(self) -> int:
         return len(self.found)

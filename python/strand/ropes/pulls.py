@@ -91,6 +91,10 @@ class PullPlan:
     pulls: tuple[Pull, ...]
     left: tuple[Crossing, ...]
 
+    def __str__(self) -> str:
+        moves = [f"{number}. {pull}" for number, pull in enumerate(self.pulls, 1)]
+        return "\n".join([*moves, f"{len(self.left)} crossings left"])
+
 
 class _Pass(NamedTuple):
     """A strand at a crossing: the chain, the arc length, the crossing's number, whether it is on top."""

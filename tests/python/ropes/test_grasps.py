@@ -54,6 +54,22 @@ def test_a_gripper_at_every_grasp_touches_no_strand_and_no_table(name):
             assert nodes.query(part)[0].min() > R + 0.5 * GRIPPER.clearance
 
 
+def test_grasps_are_printed_in_a_few_lines():
+    model = Model((Chain(shape("overhand"), R),), np.eye(4)[None])
+    found = model.grasps(Gripper(0.03, 0.01, 0.005, 0.04), ([0.0, 0.0, 1.0], 0.0))
+    assert found
+    assert found.refused
+    first, *others = str(found).splitlines()
+    assert first == f"{len(found)} places to hold, the best: {found[0]}"
+    counts = {line.partition(": ")[2]: int(line.split()[0]) for line in others}
+    assert counts == {
+        REASONS[kind]: sum(one.kind == kind for one in found.refused)
+        for kind in {one.kind for one in found.refused}
+    }
+    assert repr(found) == f"Grasps({len(found)} found, {len(found.refused)} stretches refused)"
+    assert str(model.grasps(Gripper(0.001, 0.01, 0.005, 0.04))).startswith("no grasp\n")
+
+
 def test_the_numbers_of_grasps_are_plain():
     found = make_model(Chain(shape("figure8"), R)).grasps(GRIPPER, TABLE)
     assert "np." not in repr(found)

@@ -48,6 +48,14 @@ def test_each_move_undoes_what_it_says_and_after_the_last_nothing_crosses(name):
         count = len(make_model(*chains).crossings())
 
 
+def test_a_plan_is_printed_as_its_moves():
+    plan = make_model(Chain(shape("loop"), R)).pull_plan()
+    assert str(plan).splitlines() == [
+        *(f"{k}. {pull}" for k, pull in enumerate(plan.pulls, 1)),
+        "0 crossings left",
+    ]
+
+
 def test_several_ropes_come_apart():
     ropes = make_model(*(Chain(nodes, R) for nodes in random_ropes(6, 3, R, 6)))
     plan = ropes.pull_plan()
