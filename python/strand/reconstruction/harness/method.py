@@ -85,6 +85,8 @@ def find_harness(observed: Observed, config: Config, run: Run, wire: float | Non
             )
         decided = decide_places(lines, drawn, ground.table is not None)
         strands = follow_strands(lines, decided, drawn, given)
+        if not strands:
+            raise NotEnoughDataError("views: the points make no strand; is the radius right, in metres?")
         _refuse_surfaces(strands, observed, radii[1])
         places = _lift_junctions(decided, strands)
         alone = find_alone(observed, ground.up, config, run)

@@ -96,6 +96,30 @@ def test_the_bits_are_the_same_for_any_number_of_threads():
     assert saved[0] == saved[1]
 
 
+def look_down(height, shape):
+    """Return a view of a table, and of what is nearer to the camera where a function of pixels says so."""
+    rows, columns = np.mgrid[:480, :640]
+    raised = shape(rows - 240, columns - 320)
+    rng = np.random.default_rng(0)
+    depth = np.where(raised, 0.6 - height, 0.6) + 0.0005 * rng.normal(size=raised.shape)
+    intrinsics = np.array([[450.0, 0.0, 319.5], [0.0, 450.0, 239.5], [0.0, 0.0, 1.0]])
+    return strand.View.from_depth(depth, intrinsics=intrinsics, mask=raised)
+
+
+@pytest.mark.parametrize("radius", [None, 0.003])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        lambda y, x: (x / 150.0) ** 2 + (y / 100.0) ** 2 < 1.0,
+        lambda y, x: (abs(x) < 180) & (abs(y) < 180) & ((x % 24 < 5) | (y % 24 < 5)),
+    ],
+    ids=["plate", "net"],
+)
+def test_plates_and_nets_are_refused(shape, radius):
+    with pytest.raises(strand.StrandError):
+        strand.reconstruct([look_down(0.006, shape)], radius, branches=True)
+
+
 @pytest.mark.parametrize(
     ("options", "argument"),
     [
