@@ -10,6 +10,7 @@ import numpy as np
 import strand
 from strand.support.stamps import SECOND
 from strand.tracking.track import Track, TrackedRope
+from strand.tracking.watching import UNEXPLAINED
 from strand_ros.messages import Message, make_header, make_no_ropes, make_ropes
 from strand_ros.parameters import Settings
 from strand_ros.waiting import Frame, read_stamp
@@ -75,7 +76,8 @@ class Follower:
             trouble = str(error)
         except (TypeError, ValueError, strand.StrandError) as error:
             raise WrongImageError(str(error)) from error
-        shown = _choose_shown(model, settings.least_confidence)
+        shown = model if track is None or track.unexplained <= UNEXPLAINED else _make_empty(view)
+        shown = _choose_shown(shown, settings.least_confidence)
         stamp = read_stamp(frame.depth)
         markers = strand.msgs.make_marker_array(shown, header["frame_id"], stamp)
         ropes = make_ropes(model, header, track) if model.chains else make_no_ropes(header, trouble)
@@ -172,7 +174,11 @@ def _judge(track: Track) -> str:
     if not track.ropes:
         return "no rope is found yet"
     lost = [str(rope.number) for rope in track.ropes if rope.state == "lost"]
-    return f"lost: rope {', '.join(lost)}" if lost else ""
+    if lost:
+        return f"lost: rope {', '.join(lost)}"
+    if track.unexplained > UNEXPLAINED:
+        return f"{track.unexplained:.0%} of the ropes' pixels are not explained, as after a gap"
+    return ""
 
 
 def _make_empty(view: strand.View) -> strand.Model:

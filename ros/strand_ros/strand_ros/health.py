@@ -62,7 +62,7 @@ class Health:
         elif not troubles:
             level, message = OK, f"{answers} answers"
         else:
-            level = WARN if answers > troubles.get("no rope", 0) else ERROR
+            level = WARN if answers > troubles.get("no rope", 0) + troubles.get("doubt", 0) else ERROR
             message = f"{answers} answers to {came} depth images; {said}. Last: {self._last_trouble}"
         values: list[tuple[str, object]] = [(kind, self._counts[kind]) for kind in sorted(self._counts)]
         values += [("ropes", self._ropes), ("last trouble", self._last_trouble)]

@@ -47,6 +47,7 @@ def make_ropes(model: Model, header: Message, track: Track | None = None) -> Mes
         "crossings_listed": crossings is not None,
         "up": _make_place(model.up),
         "confidence": float(model.confidence),
+        "unexplained": math.nan if track is None else track.unexplained,
         "doubts": [_make_doubt(one, []) for one in model.doubts],
         "warnings": [_make_warning(one, ids) for one in model.warnings],
         "events": [_make_event(one) for one in (() if track is None else track.events)],
@@ -56,7 +57,7 @@ def make_ropes(model: Model, header: Message, track: Track | None = None) -> Mes
 def make_no_ropes(header: Message, reason: str) -> Message:
     """Return a strand_msgs/Ropes of an image that gave no answer, with the reason."""
     doubt = {"kind": "no rope", "amount": math.nan, "text": reason}
-    return {"header": header, "confidence": math.nan, "warnings": [doubt]}
+    return {"header": header, "confidence": math.nan, "unexplained": math.nan, "warnings": [doubt]}
 
 
 def make_status(level: int, message: str, values: Sequence[tuple[str, object]]) -> Message:

@@ -121,7 +121,7 @@ class RopeNode(Node):
         if answer.renewed:
             self._complain("calibration", answer.renewed)
         if answer.trouble:
-            self._complain("no rope", answer.trouble)
+            self._complain("doubt" if answer.model.chains else "no rope", answer.trouble)
 
     def _publish(self, publisher: Any, kind: Any, values: Message) -> None:
         message = kind()

@@ -326,7 +326,32 @@ def test_a_rope_that_leaves_is_lost_and_no_longer_shown(carried, radius, entries
     assert shown < len(bus.sent["ropes"])
     assert len(bus.sent["markers"][-1].markers) == 1  # which deletes the others
     assert "lost: rope 0" in bus.said[-1]
-    assert int(values["no rope"]) > 5
+    assert int(values["doubt"]) > 5
+
+
+def test_a_rope_that_moved_in_a_gap_is_not_shown_until_it_is_found():
+    made = strand.synthetic.sequence("carry", seed=71, frames=45)
+    frames, radius = list(made), float(made.radius)
+    seen = [*frames[:16], *frames[31:]]
+    with run_node(world_frame="world", radius=radius, **MASKED) as (bus, _):
+        bus.play(record_sequence(seen))
+    sizes = {frame.number: frame.nodes[0] for frame in frames}
+    stamps = {START + round(frame.time * SECOND): frame.number for frame in frames}
+    wrong, shown = set(), {count(cloud) for cloud in bus.sent["points"]}
+    for message in bus.sent["ropes"]:
+        nodes = np.array([[p.x, p.y, p.z] for p in message.ropes[0].points])
+        true = strand.Chain(sizes[stamps[count(message)]], radius)
+        if true.nearest(nodes).distance.max() > 5 * radius:
+            wrong.add(count(message))
+            assert message.unexplained > 0.03
+    assert len(wrong) > 0
+    assert not wrong & shown
+    assert len(shown) > 30 - len(wrong) - 8
+    assert find_kinds(bus) == {"doubt"}
+
+
+def count(message):
+    return message.header.stamp.sec * SECOND + message.header.stamp.nanosec
 
 
 def test_an_unexpected_error_is_reported_and_the_next_image_is_used(entries, monkeypatch):
