@@ -25,11 +25,11 @@ _SHORT = 3.0  # sums of radii: shorter edges may be part of one place
 _SHORT_DOUBT = 0.25  # doubt of each
 _NEAR_END = 4.0  # radii: ends nearer than this to another strand may belong to it
 _NEAR_DOUBT = 0.15  # doubt of each
-_BENT = np.radians(50.0)  # radians: turn of an edge close to its junction that is no rope's
+_BENT = np.radians(65.0)  # radians: turn of an edge close to its junction that is no rope's
 _BENT_REACH = (1.5, 6.0)  # radii from the junction between which it turns
-_BENT_DOUBT = 0.3  # doubt of each
-_LEFT_SHARE = 0.08  # share of points beside all tubes that raises no doubt
-_LEFT_DOUBT = 2.0  # doubt for all points
+_BENT_DOUBT = 0.15  # doubt of each
+_LEFT_SHARE = 0.04  # share of points beside all tubes that raises no doubt
+_LEFT_DOUBT = 5.0  # doubt for all points beyond
 
 
 @dataclass(frozen=True, eq=False)

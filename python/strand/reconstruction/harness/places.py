@@ -30,6 +30,7 @@ _RISE_SD = 0.35  # radii: deviation of these
 _RISE_WEIGHT = 2.0  # of a missing rise at a crossing
 _LEVEL_WEIGHT = 4.0  # of a rise at a junction
 _JUNCTION = 2.5  # cost of a junction of four
+_UNLIKE = 0.3  # share of a junction's unexplained heights that lessens its margin
 _MAX_MIDDLE = 12.0  # length of the stretch that two crossing strands share at most, half widths
 _TOP = 75.0  # percentile of the heights in the middle that tells how high the upper strand lies
 _MAX_TORN = 3.0  # distance of the hubs of one junction, half widths
@@ -134,7 +135,7 @@ def decide_places(lines: Lines, drawn: SurfaceMap, on_table: bool) -> Decisions:
         own = [ports[end] for end in at]
         found = _find_laid(own, drawn, on_table)
         if found is not None and found[2] < 0.0:
-            top, below, cost = found
+            top, below, cost, _ = found
             first, second = (own[number] for number in below)
             base = 0.5 * (first.rest + second.rest)
             laid.append(LaidEnd((own[top].arc, own[top].end), _find_tip(own[top], middle, base, drawn)))
@@ -145,7 +146,7 @@ def decide_places(lines: Lines, drawn: SurfaceMap, on_table: bool) -> Decisions:
         place = _find_parting(middle, own, lines, drawn)
         others = [refused[hub] for hub in members if hub in refused]
         others += [] if found is None else [found[2]]
-        margin = min([_LEVEL_WEIGHT, *others])
+        margin = min([_LEVEL_WEIGHT, *others]) - (0.0 if found is None else _UNLIKE * found[3])
         junctions.append(Junction(place, at, margin))
     return Decisions(junctions, passings, laid, inner)
 
@@ -258,14 +259,15 @@ def _measure_deviation(own: Sequence[Port], radius: float) -> float:
 
 def _find_laid(
     own: Sequence[Port], drawn: SurfaceMap, on_table: bool
-) -> tuple[int, tuple[int, int], float] | None:
+) -> tuple[int, tuple[int, int], float, float] | None:
     """Return which of three ports may be an end that lies on the other two's strand, and its cost.
 
-    The cost is that of such an end less that of a junction.
+    The cost is that of such an end less that of a junction. The last number says how much a junction fails to
+    explain the ports' heights.
     """
     if len(own) != 3 or not on_table:
         return None
-    best = None
+    best, unlike = None, 0.0
     for top in range(3):
         below = (0, 1) if top == 2 else (0, 2) if top == 1 else (1, 2)
         some, other = own[below[0]], own[below[1]]
@@ -279,10 +281,11 @@ def _find_laid(
         laid = (bend / _BEND) ** 2 + (widths / _WIDTH) ** 2 + _RISE_WEIGHT * low / deviation**2
         level = min(rise, drop) - _LEVEL * radius
         junction = _JUNCTION + _LEVEL_WEIGHT * (max(0.0, level) / deviation) ** 2
+        unlike = max(unlike, junction - _JUNCTION)
         if best is None or laid - junction < best[2]:
             best = (top, below, laid - junction)
     assert best is not None
-    return best
+    return (*best, unlike)
 
 
 def _find_tip(port: Port, middle: Array, base: float, drawn: SurfaceMap) -> Array:
