@@ -15,6 +15,8 @@ import strand
 FOLDER = Path(__file__).resolve().parents[3] / "examples" / "cpp"
 SCENE = strand.synthetic.scene("arc", views=2)
 
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the example uses pipes of POSIX")
+
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory):
