@@ -151,7 +151,7 @@ def folder(frames, tmp_path_factory):
         (["no.bag", "-o", "a.parquet"], 3, "no.bag: No such file or directory"),
         (["empty", "-o", "a.parquet"], 2, "recordings: "),
         (["points", "-o", "a.parquet"], 2, "recordings: "),
-        (["depth"], 2, "expected at least one of --out, --report, --rerun and --mcap, got none"),
+        (["depth"], 2, "expected at least one of --out, --report, --rerun, --mcap and --lerobot, got none"),
         (["depth", "--mcap", "a.bag"], 2, "a.bag: expected a name that ends with .mcap"),
         (["depth", "-o", "a.csv"], 2, "a.csv: expected a name that ends with .parquet"),
         (["depth", "-o", "no/a.parquet"], 3, "no/a.parquet: No such file or directory"),
