@@ -10,9 +10,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from lib.harness_judging import KINDS, draw_set, judge_harness, print_summary, reconstruct_harness
-from lib.pictures import draw_scene
+from lib.pictures import draw_graph, draw_scene
 from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
+from strand.synthetic import harness
 
 
 def main() -> int:
@@ -22,7 +23,11 @@ def main() -> int:
     parser.add_argument("--kind", choices=sorted(set(KINDS)), help="scenes of one kind")
     parser.add_argument("--no-radii", action="store_true", help="do not give the radii that occur")
     parser.add_argument("--pictures", type=Path, metavar="DIR", help="draw the wrong answers here")
+    parser.add_argument("--example", type=Path, metavar="PNG", help="only draw a harness for the docs here")
     arguments = parser.parse_args()
+    if arguments.example is not None:
+        draw_graph(harness("tree", seed=11, views=1), arguments.example)
+        return 0
     kinds = KINDS if arguments.kind is None else (arguments.kind,)
     results = []
     print_head("scene", "noise", "graph", "junctions", "edges", "confidence", "CPU s", "no answer")
