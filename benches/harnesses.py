@@ -26,7 +26,8 @@ def main() -> int:
     parser.add_argument("--example", type=Path, metavar="PNG", help="only draw a harness for the docs here")
     arguments = parser.parse_args()
     if arguments.example is not None:
-        draw_graph(harness("tree", seed=11, views=1), arguments.example)
+        made = harness("tree", seed=2, views=3)
+        draw_graph(made, reconstruct_harness(made, sorted(set(made.radii)))[0], arguments.example)
         return 0
     kinds = KINDS if arguments.kind is None else (arguments.kind,)
     results = []

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from strand.ropes.harness import Harness
 from strand.synthetic import HarnessScene, SyntheticScene
 
 SURE = 0.9  # confidence from which on an answer is sure
@@ -59,11 +60,11 @@ def draw_scene(synthetic: SyntheticScene, chains: Sequence[np.ndarray], path: Pa
     figure.savefig(path, dpi=70)
 
 
-def draw_graph(made: HarnessScene, path: Path) -> None:
-    """Draw the first view of a harness, with the edges and nodes of its graph and their numbers."""
+def draw_graph(made: HarnessScene, found: Harness, path: Path) -> None:
+    """Draw the middle view of a harness, with the edges and nodes of the graph that was found."""
     figure = Figure(figsize=(6.4, 3.6), layout="constrained")
     axis = figure.subplots()
-    image, pose = made.depth[0] * made.depth_scale, made.poses_true[0]
+    image, pose = made.depth[len(made.depth) // 2] * made.depth_scale, made.poses_true[len(made.depth) // 2]
     # heights above the table by shades
     rows, columns = np.mgrid[: image.shape[0], : image.shape[1]]
     k = made.intrinsics
@@ -71,29 +72,26 @@ def draw_graph(made: HarnessScene, path: Path) -> None:
         [(columns - k[0, 2]) / k[0, 0], (rows - k[1, 2]) / k[1, 1], np.ones(image.shape)], axis=-1
     )
     height = (rays * image[..., None]) @ pose[2, :3] + pose[2, 3]
-    axis.imshow(np.where(image > 0, height, np.nan), cmap="gray", vmin=-0.004, vmax=0.02)
-    for number, line in enumerate(made.truth):
-        drawn = project(line, k, pose)
+    axis.imshow(np.where(image > 0, height, np.nan), cmap="gray", vmin=-0.01, vmax=0.03)
+    box = {"boxstyle": "round,pad=0.15", "fc": "k", "ec": "none", "alpha": 0.7}
+    for edge in found.edges:
+        drawn = project(edge.chain.points, k, pose)
         axis.plot(*drawn.T, color="C1", linewidth=1.2)
-        length = 1e3 * np.linalg.norm(np.diff(line, axis=0), axis=1).sum()
+        wires = "" if edge.wires is None else f", {edge.wires} wires"
+        text = f"{1e3 * edge.length:.0f} mm, radius {1e3 * edge.radius:.1f} mm{wires}"
         axis.annotate(
-            f"edge {number}: {length:.0f} mm, {made.wires[number]} wires",
-            drawn[len(drawn) // 2],
-            (6, 6),
-            textcoords="offset points",
-            color="C1",
-            fontsize=7,
+            text, drawn[len(drawn) // 2], (8, 0), textcoords="offset points", color="w", fontsize=7, bbox=box
         )
-    degrees = np.bincount(np.ravel(made.edges))
-    for number, place in enumerate(project(made.nodes, k, pose)):
-        axis.plot(*place, "o", color="w" if degrees[number] > 1 else "C0", ms=6, mec="k")
-        axis.annotate(str(number), place, (-10, -10), textcoords="offset points", color="w", fontsize=8)
+    for node in found.nodes:
+        (place,) = project(node.position[None], k, pose)
+        axis.plot(*place, "o", color="w" if node.kind == "junction" else "C0", ms=6, mec="k")
+        axis.annotate(str(node.id), place, (-11, -11), textcoords="offset points", color="w", fontsize=8)
     ends = project(np.concatenate(made.truth), k, pose)
     axis.set_xlim(ends[:, 0].min() - 60, ends[:, 0].max() + 110)
     axis.set_ylim(ends[:, 1].max() + 40, ends[:, 1].min() - 40)
     axis.axis("off")
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=90)
 
 
 def project(nodes: np.ndarray, intrinsics: np.ndarray, pose: np.ndarray) -> np.ndarray:

@@ -110,6 +110,11 @@ def add_priors(command: argparse.ArgumentParser) -> None:
     add_ropes(command)
     add_deadline(command)
     command.add_argument(
+        "--branches",
+        action="store_true",
+        help="the ropes may branch, as a wire harness does: the model is a graph of junctions and ends",
+    )
+    command.add_argument(
         "--mask",
         type=values.parse_path,
         nargs="+",
