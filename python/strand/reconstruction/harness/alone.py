@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from strand.ropes.chain import Chain
 from strand.ropes.contacts import find_contacts
 from strand.support.checks import Array
 
+_MAX_VIEWS = 3  # more hardly make chains surer
 _MIN_TRUST = 0.8  # of chains that count
 _MEETING = 0.5  # gap between an end's axis and a strand's surface where they meet at most, radii
 _LEVEL = 0.5  # difference of their heights there at most, sums of their radii
@@ -36,7 +38,7 @@ def find_alone(observed: Observed, up: Array, config: Config, run: Run) -> list[
         Its warnings stay as they are.
     """
     try:
-        found = find_chains(observed, config, run.fork())
+        found = find_chains(_take_few(observed), config, run.fork())
     except NotEnoughDataError:
         return None
     chains = found.chains
@@ -45,6 +47,21 @@ def find_alone(observed: Observed, up: Array, config: Config, run: Run) -> list[
     if find_contacts(chains, _TIED * min(chain.radius for chain in chains), up):
         return None
     return [Strand(chain.points, (None, None), chain.radius, chain.closed) for chain in chains]
+
+
+def _take_few(observed: Observed) -> Observed:
+    """Return a few of the views, evenly spread, the held one among them."""
+    count = len(observed.views)
+    if count <= _MAX_VIEWS:
+        return observed
+    chosen = sorted((observed.held + count * turn // _MAX_VIEWS) % count for turn in range(_MAX_VIEWS))
+    return replace(
+        observed,
+        views=[observed.views[place] for place in chosen],
+        whole=[observed.whole[place] for place in chosen],
+        numbers=[observed.numbers[place] for place in chosen],
+        middle=observed.numbers[observed.held],
+    )
 
 
 def _meet(chains: Sequence[Chain], up: Array) -> bool:

@@ -14,11 +14,11 @@ from strand.reconstruction.images.table_plane import find_table, find_table_besi
 from strand.reconstruction.stages import Observed
 from strand.support.checks import Array
 from strand.views.pose import moved
-from strand.views.view import View
 
 _MAX_POINTS = 20_000  # of a cloud in which a table is sought
 _FLOOR_HEIGHT = 0.5  # of points of the table at most, least radii
 _LOWEST = 0.5  # height of points of ropes over the table at least, least radii
+_BESIDE = 12  # pixels around the ropes in which points of the table are taken
 _REGISTERED = 4000  # points of a view that are registered
 _REACH = 2.0  # distance of corresponding points at most, greatest radii
 _NEIGHBORS = 14  # that tell a normal
@@ -88,8 +88,8 @@ def find_ground(observed: Observed, radii: tuple[float, float]) -> Ground:
             np.max([cloud.max(axis=0) for cloud in clouds], axis=0),
         )
         seen = []
-        for view, motion in zip(observed.whole, motions, strict=True):
-            points = moved(_collect_points(view), motion)
+        for place, motion in enumerate(motions):
+            points = moved(_collect_points(observed, place), motion)
             near = ((points > low - radii[1]) & (points < high + radii[1])).sum(axis=1) >= 2
             points = points[near]
             seen.append(points[np.abs(table.measure_heights(points)) < _FLOOR_HEIGHT * radii[0]])
@@ -107,12 +107,14 @@ def _find_table(observed: Observed, place: int, radius: float) -> Plane | None:
     return found
 
 
-def _collect_points(whole: View) -> Array:
-    """Return all points that a view shows, also beside its mask, world frame, metres."""
-    if whole.image is None:
-        return whole.world_points
-    rows, columns = np.nonzero(whole.image.depth > 0.0)
-    return whole.image.lift(rows, columns, whole.image.depth[rows, columns])
+def _collect_points(observed: Observed, place: int) -> Array:
+    """Return the points that a view shows in its ropes' window, also beside them, world frame, metres."""
+    if observed.whole[place].image is None:
+        return observed.whole[place].world_points
+    image = observed.images[place]
+    image = image.cropped(image.frame_mask(_BESIDE))
+    rows, columns = np.nonzero(image.depth > 0.0)
+    return image.lift(rows, columns, image.depth[rows, columns])
 
 
 def _level(own: Plane, table: Plane, middle: Array) -> Array:

@@ -89,9 +89,10 @@ def find_harness(observed: Observed, config: Config, run: Run, wire: float | Non
             raise NotEnoughDataError("views: the points make no strand; is the radius right, in metres?")
         _refuse_surfaces(strands, observed, radii[1])
         places = _lift_junctions(decided, strands)
-        alone = find_alone(observed, ground.up, config, run)
-        if alone is not None:
-            strands, places = alone, np.zeros((0, 3))
+        if len(lines.hubs):
+            alone = find_alone(observed, ground.up, config, run)
+            if alone is not None:
+                strands, places = alone, np.zeros((0, 3))
     with run.stage("fit"):
         centers = np.array([view.viewpoint for view in observed.views])
         clouds = Clouds(
