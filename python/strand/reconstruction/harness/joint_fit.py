@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import strand._core as _core
-from strand._core import TubeFit
+from strand._core import NotEnoughDataError, TubeFit
 from strand.config import Config
 from strand.geometry.curve import Curve
 from strand.reconstruction.harness.strands import Strand, list_pairs
@@ -68,6 +68,8 @@ def fit_harness(
 ) -> Fitted:
     """Fit strands and poses to the points of all views.
 
+    Strands need not have a given radius: wires side by side under a tie make no round tube.
+
     Parameters
     ----------
     clouds : Clouds
@@ -79,6 +81,23 @@ def fit_harness(
     radii : (K,) ndarray or None
         The radii that ropes may have, metres; None if nobody knows.
     """
+    try:
+        return _fit(clouds, strands, places, motions, radii, config)
+    except NotEnoughDataError:
+        if radii is None:
+            raise
+        return _fit(clouds, strands, places, motions, None, config)
+
+
+def _fit(
+    clouds: Clouds,
+    strands: Sequence[Strand],
+    places: Array,
+    motions: Array,
+    radii: Array | None,
+    config: Config,
+) -> Fitted:
+    """Fit roughly, then each strand's radius, then all with the radii that were chosen."""
     start = np.array([strand.half_width for strand in strands])
     if radii is not None:
         start = _choose(radii, start)
