@@ -14,6 +14,9 @@ from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 
 _JUNCTION = 0.985  # confidence of a junction that nothing speaks against
+_SLOW = 0.92  # of it where branches part slowly, so that the place is not sure
+_SLOW_ANGLE = np.radians(50.0)  # radians between branches that part slowly
+_SLOW_REACH = (2.0, 8.0)  # radii from the junction between which branches have their directions
 _END = 0.998  # that of a free end
 _CROSSING = 0.985  # that of a crossing
 _EVEN = 0.5  # margin of a place's interpretation where the next best one is as likely
@@ -21,7 +24,7 @@ _SCALE = 1.0  # difference of margins that multiplies the odds by e
 _WORTH_SAYING = 0.03  # probability against a place that makes a doubt
 _SMALL_NOISE = 0.4  # of the least radius: noise that raises no doubt
 _NOISE_DOUBT = 1.5  # doubt for each further least radius of noise
-_SHORT = 3.0  # sums of radii: shorter edges may be part of one place
+_SHORT = 5.0  # sums of radii: shorter edges may be part of one place
 _SHORT_DOUBT = 0.25  # doubt of each
 _NEAR_END = 4.0  # radii: ends nearer than this to another strand may belong to it
 _NEAR_DOUBT = 0.15  # doubt of each
@@ -69,7 +72,10 @@ def judge(found: FoundHarness, graph: Graph, chains: Sequence[Chain]) -> Certain
     decided, fit = found.decided, found.fitted.fit
     joined = {end for strand in found.strands for end in strand.ends if end is not None}
     margins = [decided.junctions[number].margin for number in sorted(joined)]
-    nodes = [_JUNCTION * _to_probability(margin) for margin in margins]
+    nodes = [
+        _JUNCTION * _to_probability(margin) * (_SLOW if _part_slowly(graph, chains, number) else 1.0)
+        for number, margin in enumerate(margins)
+    ]
     nodes += [_END] * (len(graph.places) - len(nodes))
     crossings = [_CROSSING * _to_probability(passing.margin) for passing in decided.passings[::2]]
     if not joined:
@@ -102,6 +108,19 @@ _WHY_CROSSING = "a junction explains it nearly as well"
 def _to_probability(margin: float) -> float:
     """Return the probability of an interpretation that is better than the next one by a margin."""
     return float(1.0 / (1.0 + np.exp(-(margin + _EVEN) / _SCALE)))
+
+
+def _part_slowly(graph: Graph, chains: Sequence[Chain], node: int) -> bool:
+    """Tell whether two edges leave a node at a small angle."""
+    directions = []
+    for pair, chain in zip(graph.pairs, chains, strict=True):
+        for late in (0, 1):
+            if pair[late] == node:
+                s = np.minimum(np.array(_SLOW_REACH) * chain.radius, 0.5 * chain.length)
+                first, last = chain.at(chain.length - s if late else s)
+                directions.append((last - first) / max(float(np.linalg.norm(last - first)), 1e-12))
+    cosines = [float(one @ other) for k, one in enumerate(directions) for other in directions[:k]]
+    return max(cosines, default=-1.0) > float(np.cos(_SLOW_ANGLE))
 
 
 def _doubt_edges(graph: Graph, chains: Sequence[Chain]) -> list[Doubt]:

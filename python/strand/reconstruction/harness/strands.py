@@ -16,8 +16,12 @@ from strand.support.checks import Array
 
 _SPACING = 0.35  # distance of a strand's nodes, half widths
 _SMOOTHING = 0.75  # standard deviation of the smoothing along a strand, half widths
-_BENT_LINE = 2.2  # distance from a crossing up to which the mask's middle line bends to it, half widths
+_BENT_LINE = (
+    1.2  # distance from where strands merge up to which the mask's middle line bends to it, half widths
+)
+_BENT_BY = 1.2  # the same where the other strand is thicker, half widths of the mask there
 _HIDDEN = 2.6  # distance from a crossing up to which the upper strand hides the lower one, half widths
+_BESIDE = 1.5  # the same beside the stretch where both merge, half widths
 _ENDS = 4.0  # stretches at ends that do not tell a width, half widths
 _AXIS = 0.93  # depth of the axis below the smoothed surface, radii
 _TIP = 3.0  # length of the stretch that tells where an end points, half widths
@@ -134,7 +138,8 @@ def _bridge(pieces: list[Array], passed: list[Passing], drawn: SurfaceMap) -> Ar
 
 def _leave_out(cells: Array, passing: Passing, drawn: SurfaceMap) -> Array:
     """Return cells without the first ones, which are too near to a crossing."""
-    reach = _BENT_LINE * float(np.median(drawn.sample_widths(cells)))
+    own, merged = float(np.median(drawn.sample_widths(cells))), float(drawn.sample_widths(cells[:1])[0])
+    reach = float(np.linalg.norm(cells[0] - passing.middle)) + max(_BENT_LINE * own, _BENT_BY * merged)
     away = np.linalg.norm(cells - passing.middle, axis=1)
     away = np.maximum.accumulate(away)
     first = int((away > reach).argmax()) if away[-1] > reach else len(cells) - 1
@@ -191,7 +196,8 @@ def _lift(
     for passing in passed:
         if passing.other is not None and passing.height < passing.other:
             nearest = int(np.linalg.norm(smooth - passing.middle, axis=1).argmin())
-            hidden |= np.abs(places - places[nearest]) < _HIDDEN * half
+            merged = float(np.linalg.norm(cells - passing.middle, axis=1).min())
+            hidden |= np.abs(places - places[nearest]) < max(_HIDDEN * half, merged + _BESIDE * half)
     if (~hidden).sum() >= _FEWEST:
         heights = np.interp(places, places[~hidden], _take_medians(heights[~hidden]))
     heights = smooth_nodes(heights[:, None], deviation)[:, 0] - _AXIS * radius
