@@ -29,6 +29,7 @@ _LEVEL = 0.25  # difference of heights at a junction at most, radii
 _RISE_SD = 0.35  # radii: deviation of these
 _RISE_WEIGHT = 2.0  # of a missing rise at a crossing
 _LEVEL_WEIGHT = 4.0  # of a rise at a junction
+_MAX_LEVEL = 8.0  # of that at most
 _JUNCTION = 2.5  # cost of a junction of four
 _UNLIKE = 0.3  # share of a junction's unexplained heights that lessens its margin
 _MAX_MIDDLE = 12.0  # length of the stretch that two crossing strands share at most, half widths
@@ -215,7 +216,9 @@ def _price_crossing(
         if on_table:
             rise = max(rise, top - rest)
         crossing = bends + _RISE_WEIGHT * (max(0.0, _RISE * radius - rise) / deviation) ** 2
-        junction = _JUNCTION + _LEVEL_WEIGHT * (max(0.0, rise - _LEVEL * radius) / deviation) ** 2
+        level = _LEVEL_WEIGHT * (max(0.0, rise - _LEVEL * radius) / deviation) ** 2
+        # an end that lies on a strand makes a rise too
+        junction = _JUNCTION + min(level, _MAX_LEVEL)
         if best is None or crossing < best[0]:
             best = (crossing, junction, pairs, (first, second))
     assert best is not None
