@@ -160,7 +160,7 @@ def test_end_observations_are_checked(argument, value, match):
         (lambda: Doubt("end", 0.1, "where", "hidden", LINE), r"place: expected shape \(3,\)"),
         (
             lambda: Doubt("ends", 0.1, "where", "hidden"),
-            "kind: expected one of join, rival, end, .*ring, deadline, color, got 'ends'",
+            "kind: expected one of join, rival, end, .*ring, deadline, color, junction, wires, got 'ends'",
         ),
         (lambda: ModelWarning("magic", "where"), "kind: expected one of join, .*unused view, got 'magic'"),
         (lambda: ModelWarning("branch", "where", chains=(0, -1)), "chains: expected at least 0"),
