@@ -30,7 +30,7 @@ def collect_arguments(options: argparse.Namespace, scene: Scene | None = None) -
         "length": options.length[0] if options.length and len(options.length) == 1 else options.length,
         "config": strand.Config() if options.config is None else config.load(options.config),
         "deadline": vars(options).get("deadline"),
-        **({"branches": True} if vars(options).get("branches") else {}),
+        **{name: vars(options)[name] for name in ("branches", "wire") if vars(options).get(name)},
     }
 
 

@@ -115,6 +115,12 @@ def add_priors(command: argparse.ArgumentParser) -> None:
         help="the ropes may branch, as a wire harness does: the model is a graph of junctions and ends",
     )
     command.add_argument(
+        "--wire",
+        type=values.parse_length,
+        metavar="LENGTH",
+        help="with --branches: the radius of one wire, such as 1.2mm, to count the wires of each branch",
+    )
+    command.add_argument(
         "--mask",
         type=values.parse_path,
         nargs="+",

@@ -242,3 +242,15 @@ def test_negative_lengths_are_values(tmp_path, capsys):
     assert "radius" in capsys.readouterr().err
     bounds = ["-300mm", "-0.3", "2.5mm", "300mm", "0.3", "20mm"]
     assert main(["reconstruct", str(path), "-o", model, "--bounds", *bounds]) == 0
+
+
+def test_branches_are_printed_with_nodes_and_wires(tmp_path, capsys):
+    made = strand.synthetic.harness("tree", seed=5, views=1)
+    made.save(tmp_path / "harness.npz")
+    wire = min(made.radii) / min(count for count in made.wires if count) ** 0.5
+    words = ["reconstruct", str(tmp_path / "harness.npz"), "--branches", "--wire", f"{wire * 1e3}mm"]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    assert sorted(map(int, re.findall(r"(\d+) wires?", out))) == sorted(made.wires)
+    assert main([*words[:2], "--wire", "1mm"]) == 2
+    assert "wire: expected None without branches=True" in capsys.readouterr().err

@@ -69,7 +69,7 @@ def find_harness(observed: Observed, config: Config, run: Run, wire: float | Non
         If the points show no ropes.
     """
     given = None if observed.radii.free or observed.radii.held else observed.radii.values
-    if given is None and wire is not None:
+    if wire is not None:
         given = list_bundles(wire)
     radii = (float(observed.radii.values.min()), float(observed.radii.values.max()))
     with run.stage("register"):
