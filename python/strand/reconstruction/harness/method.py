@@ -14,7 +14,7 @@ from strand.reconstruction.harness.ground import Ground, find_ground
 from strand.reconstruction.harness.joint_fit import Fitted, fit_harness
 from strand.reconstruction.harness.lines import Lines, trace_lines
 from strand.reconstruction.harness.places import Decisions, decide_places
-from strand.reconstruction.harness.strands import Strand, follow_strands
+from strand.reconstruction.harness.strands import Strand, follow_strands, reach_edges
 from strand.reconstruction.harness.surface_map import SurfaceMap, make_map
 from strand.reconstruction.harness.wires import list_bundles
 from strand.reconstruction.stages import Observed, Run
@@ -92,7 +92,7 @@ def find_harness(observed: Observed, config: Config, run: Run, wire: float | Non
         if len(lines.hubs):
             alone = find_alone(observed, ground.up, config, run)
             if alone is not None:
-                strands, places = alone, np.zeros((0, 3))
+                strands, places = [reach_edges(strand, drawn) for strand in alone], np.zeros((0, 3))
     with run.stage("fit"):
         centers = np.array([view.viewpoint for view in observed.views])
         clouds = Clouds(

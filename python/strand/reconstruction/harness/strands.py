@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 
 import numpy as np
@@ -26,6 +26,8 @@ _ENDS = 4.0  # stretches at ends that do not tell a width, half widths
 _AXIS = 0.93  # depth of the axis below the smoothed surface, radii
 _TIP = 3.0  # length of the stretch that tells where an end points, half widths
 _MAX_TIP = 60  # steps of half a cell from an end to the mask's edge at most
+_FARTHEST = 5.0  # distance from the end of a traced tube to that of the mask at most, radii
+_SAME_HEIGHT = 0.7  # difference of heights of one strand at most, radii
 _FEWEST = 4  # nodes of a strand at least
 
 
@@ -169,6 +171,32 @@ def _reach_edge(cells: Array, drawn: SurfaceMap) -> Array:
             break
         place = place + 0.5 * direction
     return np.vstack([cells, place])
+
+
+def reach_edges(strand: Strand, drawn: SurfaceMap) -> Strand:
+    """Return a strand whose free ends go on to the mask's edge, while the surface keeps its height."""
+    nodes = strand.nodes
+    if strand.closed:
+        return strand
+    for late in (0, 1):
+        if strand.ends[late] is not None:
+            continue
+        tip = nodes[-late]
+        away = np.linalg.norm(nodes - tip, axis=1)
+        inner = nodes[::-1] if late else nodes
+        inner = inner[
+            min(int((away[::-1] if late else away).searchsorted(_TIP * strand.half_width)), len(inner) - 1)
+        ]
+        outward = (tip - inner) / max(float(np.linalg.norm(tip - inner)), 1e-12)
+        steps = np.arange(0.0, _FARTHEST * strand.half_width, 0.5 * drawn.cell)
+        places, heights = drawn.flatten(tip + steps[:, None] * outward)
+        surface = drawn.sample_heights(places) - heights
+        gone = ~drawn.hold(places) | (np.abs(surface - surface[0]) > _SAME_HEIGHT * strand.half_width)
+        if not gone.any() or gone[:2].any():
+            continue
+        end = (tip + steps[int(gone.argmax()) - 1] * outward)[None]
+        nodes = np.concatenate([nodes, end] if late else [end, nodes])
+    return replace(strand, nodes=nodes)
 
 
 def _lift(

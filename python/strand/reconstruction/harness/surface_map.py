@@ -75,12 +75,20 @@ class SurfaceMap:
 
     def cover(self, points: Array) -> NDArray[np.bool_]:
         """Tell which points (N, 3), metres, lie on the mask in the plan."""
-        places = ((points @ self.frame)[:, :2] - self.corner) / self.cell - 0.5
-        return np.asarray(self.mask[self._index(places)])
+        return self.hold(self.flatten(points)[0])
+
+    def hold(self, places: Array) -> NDArray[np.bool_]:
+        """Tell which places (M, 2) in cells lie on a rope."""
+        return self.mask[self._index(places)]
+
+    def flatten(self, points: Array) -> tuple[Array, Array]:
+        """Return places (M, 2) in cells and heights (M,) of points (M, 3) of the world, metres."""
+        seen = points @ self.frame
+        return (seen[:, :2] - self.corner) / self.cell - 0.5, seen[:, 2]
 
     def holds(self, place: Array) -> bool:
         """Tell whether a place (2,) in cells lies on a rope."""
-        return bool(self.mask[self._index(place[None])][0])
+        return bool(self.hold(place[None])[0])
 
     def lift(self, places: Array, heights: Array) -> Array:
         """Return places (M, 2) in cells with heights (M,) in the world frame, (M, 3) metres."""
