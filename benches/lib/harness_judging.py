@@ -258,14 +258,17 @@ def print_summary(results: Sequence[Judged]) -> None:
             f"{max(one.seconds for one in group):.2f}",
         )
     print()
-    print_head("confidence", "scenes")
-    for name, count in (
-        (f"at least {SURE} and wrong", sum(one.confidence >= SURE and not one.right for one in results)),
-        (f"at least {SURE} and right", sum(one.confidence >= SURE and one.right for one in results)),
-        (f"at least {USEFUL} and right", sum(one.confidence >= USEFUL and one.right for one in results)),
-        ("right", sum(one.right for one in results)),
-    ):
-        print_row(name, count)
+    sure = [one for one in results if one.confidence >= SURE]
+    print_head(
+        "scenes from", f"confidence {SURE} or more, wrong", "right", f"{USEFUL} or more, right", "all right"
+    )
+    print_row(
+        results[0].scene,
+        sum(not one.right for one in sure),
+        sum(one.right for one in sure),
+        sum(one.confidence >= USEFUL and one.right for one in results),
+        sum(one.right for one in results),
+    )
 
 
 def format_median(values: Sequence[float]) -> str:
