@@ -63,7 +63,7 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
     run.warnings[:] = drop_explained(run.warnings, chains)
     for doubt, about in [*against, *((doubt, ()) for doubt in upwards.doubts)]:
         run.warn(doubt.kind, doubt.reason, doubt.place, doubt.amount, about)
-    at_border = doubt_ends_at_border(chains, _list_images(scene, list(poses)))
+    at_border = doubt_ends_at_border(chains, list_images(scene, list(poses)))
     for doubt, (number,) in at_border:
         run.warn("cut end", f"chain {number}: {doubt.reason}", doubt.place, doubt.amount, (number,))
     against += at_border
@@ -125,7 +125,7 @@ def describe_chains(chains: Sequence[Chain], views: Sequence[View], poses: Seque
     ]
 
 
-def _list_images(scene: Scene, poses: Sequence[Array]) -> list[DepthImage]:
+def list_images(scene: Scene, poses: Sequence[Array]) -> list[DepthImage]:
     """Return the views' images with these poses; those made of clouds end where the clouds do."""
     images = [
         replace(view.image, pose=pose)

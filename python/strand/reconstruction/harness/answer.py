@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from strand.reconstruction.answering import collect_poses, collect_stages, describe_chains, doubt_haste
+from strand.reconstruction.answering import (
+    collect_poses,
+    collect_stages,
+    describe_chains,
+    doubt_haste,
+    list_images,
+)
 from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
 from strand.reconstruction.harness.certainty import judge
 from strand.reconstruction.harness.graph import Graph, make_graph, make_harness
 from strand.reconstruction.harness.method import FoundHarness, find_harness
 from strand.reconstruction.harness.wires import choose_radii, list_bundles
+from strand.reconstruction.images.border_ends import doubt_ends_at_border
 from strand.reconstruction.observing import Hints, Scene
 from strand.reconstruction.stages import Found, Run
 from strand.reconstruction.upwards import find_up
@@ -46,7 +53,9 @@ def answer_with_harness(scene: Scene, hints: Hints, run: Run, keep_stages: bool)
     certainty = judge(harness, graph, chains)
     wires, wire_doubts = _count_wires(harness, graph, hints.wire)
     at_edge = doubt_ends_at_edge(chains, scene.extract.whole, scene.tables) if scene.tables else []
-    own = [*certainty.doubts, *wire_doubts, *upwards.doubts, *(doubt for doubt, _ in at_edge)]
+    at_border = doubt_ends_at_border(chains, list_images(scene, list(poses)))
+    cut = [doubt for doubt, _ in (*at_edge, *at_border)]
+    own = [*certainty.doubts, *wire_doubts, *upwards.doubts, *cut]
     for doubt in own:
         if doubt.amount >= _MIN_WARNED:
             run.warn(doubt.kind, str(doubt), doubt.place, doubt.amount)

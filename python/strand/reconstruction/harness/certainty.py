@@ -93,7 +93,8 @@ def judge(found: FoundHarness, graph: Graph, chains: Sequence[Chain]) -> Certain
     if noise > 0.0:
         reason = f"the noise, {fit.sigma * 1e3:.2g} mm, is wide for ropes of {fit.radii.min() * 1e3:.2g} mm"
         doubts.append(Doubt("noise", _NOISE_DOUBT * noise, "how the strands run", reason))
-    covered = fit.explained[found.drawn.cover(fit.points)]
+    # beside the mask lie points of the table, if there is one
+    covered = fit.explained if found.ground.table is None else fit.explained[found.drawn.cover(fit.points)]
     left = 1.0 - float(covered.mean()) - _LEFT_SHARE if len(covered) else 1.0
     if left > 0.0:
         reason = f"{100.0 * (left + _LEFT_SHARE):.0f} % of the points lie on no strand"

@@ -23,6 +23,8 @@ from strand.reconstruction.wide_surfaces import describe_surface
 from strand.support.checks import Array
 
 _MAX_WIDTH = 1.8  # half width of strands whose points may be a surface, greatest radii
+_MANY = 4  # ends at a junction that chains which merely touch do not make
+_SURE = 3.0  # margin of such a junction
 _MAX_STRANDS = 120  # of a harness: more are a net, or no ropes
 
 
@@ -89,7 +91,9 @@ def find_harness(observed: Observed, config: Config, run: Run, wire: float | Non
             raise NotEnoughDataError("views: the points make no strand; is the radius right, in metres?")
         _refuse_surfaces(strands, observed, radii[1])
         places = _lift_junctions(decided, strands)
-        if len(lines.hubs):
+        # four strands that meet at one height are joined, whatever tubes say
+        joined = any(len(found.ends) >= _MANY and found.margin >= _SURE for found in decided.junctions)
+        if len(lines.hubs) and not joined:
             alone = find_alone(observed, ground.up, config, run)
             if alone is not None:
                 strands, places = [reach_edges(strand, drawn) for strand in alone], np.zeros((0, 3))
