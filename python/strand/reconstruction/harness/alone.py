@@ -15,6 +15,7 @@ from strand.reconstruction.stages import Observed, Run
 from strand.reconstruction.tubes.method import find_chains
 from strand.ropes.chain import Chain
 from strand.ropes.contacts import find_contacts
+from strand.ropes.crossings import find_crossings
 from strand.support.checks import Array
 
 _MAX_VIEWS = 3  # more hardly make chains surer
@@ -43,6 +44,9 @@ def find_alone(observed: Observed, up: Array, config: Config, run: Run) -> list[
         return None
     chains = found.chains
     if compute_trust(found.doubts or ()) < _MIN_TRUST or _meet(chains, up):
+        return None
+    least = _LEVEL * 2.0 * min(chain.radius for chain in chains)
+    if any(abs(crossing.height) < least for crossing in find_crossings(chains, up, ())):
         return None
     if find_contacts(chains, _TIED * min(chain.radius for chain in chains), up):
         return None

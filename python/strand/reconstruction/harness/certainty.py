@@ -22,6 +22,7 @@ _CROSSING = 0.985  # that of a crossing
 _EVEN = 0.5  # margin of a place's interpretation where the next best one is as likely
 _SCALE = 1.0  # difference of margins that multiplies the odds by e
 _WORTH_SAYING = 0.03  # probability against a place that makes a doubt
+_UNCONFIRMED = 0.15  # doubt of ropes that cross, which tubes do not confirm
 _SMALL_NOISE = 0.4  # of the least radius: noise that raises no doubt
 _NOISE_DOUBT = 1.5  # doubt for each further least radius of noise
 _SHORT = 5.0  # sums of radii: shorter edges may be part of one place
@@ -78,7 +79,7 @@ def judge(found: FoundHarness, graph: Graph, chains: Sequence[Chain]) -> Certain
     ]
     nodes += [_END] * (len(graph.places) - len(nodes))
     crossings = [_CROSSING * _to_probability(passing.margin) for passing in decided.passings[::2]]
-    if not joined:
+    if found.traced:
         crossings = []
     doubts = [
         Doubt("junction", 1.0 - sure, "whether strands are joined", _WHY_JOINED, graph.places[number])
@@ -89,6 +90,9 @@ def judge(found: FoundHarness, graph: Graph, chains: Sequence[Chain]) -> Certain
         if sure < 1.0 - _WORTH_SAYING:
             place = found.drawn.lift(passing.middle[None], np.array([passing.height]))[0]
             doubts.append(Doubt("junction", 1.0 - sure, "whether strands cross", _WHY_CROSSING, place))
+    if not joined and len(found.lines.hubs) and not found.traced:
+        reason = "tubes do not confirm that these are ropes without junctions"
+        doubts.append(Doubt("rival", _UNCONFIRMED, "whether there is a junction", reason))
     noise = fit.sigma / float(fit.radii.min()) - _SMALL_NOISE
     if noise > 0.0:
         reason = f"the noise, {fit.sigma * 1e3:.2g} mm, is wide for ropes of {fit.radii.min() * 1e3:.2g} mm"

@@ -28,6 +28,8 @@ _APART = 0.9  # distance of strands that are apart, sums of their radii
 _FARTHEST = 10.0  # distance from a junction at which strands tell where they meet at most, radii
 _TELLING = 5.0  # length of the stretch that tells, radii
 _BEYOND = 4.0  # stretch beyond a junction's first place, radii
+_MAX_TIP = 6.0  # distance of a traced end from that of its curve at most, radii
+_MAX_MOVE = 15.0  # distance of a junction from the end of a curve that leads to it at most, radii
 _SAMPLES = 100  # of a curve
 _SHIFTED = 4.0  # stretch at a junction that bends to the shared point, radii
 _ROUNDS = 3  # of finding a junction's place
@@ -173,7 +175,7 @@ def _cut(fit: TubeFit, strands: Sequence[Strand]) -> list[Curve]:
         for late in (0, 1):
             if strand.closed or strand.ends[late] is not None:
                 continue
-            tip = _find_passing(whole, strand.nodes[-late], late)
+            tip = _find_passing(whole, strand.nodes[-late], late, _MAX_TIP * fit.radius(number))
             ends[late] = float(whole.parameter_at(tip))
             if part is None:
                 continue
@@ -197,7 +199,7 @@ def _share_points(
     parts = list(parts)
     for number in range(len(found)):
         at = [(k, late) for k, strand in enumerate(strands) for late in (0, 1) if strand.ends[late] == number]
-        outward = [_sample_outward(parts[k], found[number], late) for k, late in at]
+        outward = [_sample_outward(parts[k], found[number], late, fit.radius(k)) for k, late in at]
         radii = [fit.radius(k) for k, _ in at]
         ways = [_continue_inward(outward, radii, own) for own in range(len(at))]
         start = found[number].copy()
@@ -213,24 +215,24 @@ def _share_points(
             found[number] = np.linalg.solve(normal, right)
         covariances[number] = np.linalg.inv(normal) * fit.sigma**2
         for k, late in at:
-            s = _find_passing(parts[k], found[number], late)
+            s = _find_passing(parts[k], found[number], late, _MAX_MOVE * fit.radius(k))
             part = parts[k]
             length = part.length
             parts[k] = part.trimmed(0.0, s) if late else part.trimmed(s, length)
     return found, covariances, parts
 
 
-def _find_passing(part: Curve, place: Array, late: int) -> float:
-    """Return the arc length at which a curve passes a place, in the half at one end."""
-    half = 0.5 * part.length
-    s = np.linspace(half, part.length, _SAMPLES) if late else np.linspace(0.0, half, _SAMPLES)
+def _find_passing(part: Curve, place: Array, late: int, reach: float) -> float:
+    """Return the arc length at which a curve passes a place, near one end: it may cross itself."""
+    reach = min(reach, 0.5 * part.length)
+    s = np.linspace(part.length - reach, part.length, _SAMPLES) if late else np.linspace(0.0, reach, _SAMPLES)
     positions = part.at(s)[0]
     return float(s[np.linalg.norm(positions - place, axis=1).argmin()])
 
 
-def _sample_outward(part: Curve, place: Array, late: int) -> Array:
+def _sample_outward(part: Curve, place: Array, late: int, radius: float) -> Array:
     """Return places (M, 3) on a curve from a junction to the curve's middle, metres."""
-    s = _find_passing(part, place, late)
+    s = _find_passing(part, place, late, _MAX_MOVE * radius)
     return part.at(np.linspace(s, 0.5 * part.length, _SAMPLES))[0]
 
 

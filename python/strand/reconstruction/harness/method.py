@@ -23,8 +23,6 @@ from strand.reconstruction.wide_surfaces import describe_surface
 from strand.support.checks import Array
 
 _MAX_WIDTH = 1.8  # half width of strands whose points may be a surface, greatest radii
-_MANY = 4  # ends at a junction that chains which merely touch do not make
-_SURE = 3.0  # margin of such a junction
 _MAX_STRANDS = 120  # of a harness: more are a net, or no ropes
 
 
@@ -43,6 +41,8 @@ class FoundHarness:
     places : (J, 3) ndarray
         The junctions before the fit, metres.
     fitted : Fitted
+    traced : bool
+        Whether tubes traced the strands, which are ropes without junctions.
     """
 
     drawn: SurfaceMap
@@ -52,6 +52,7 @@ class FoundHarness:
     strands: list[Strand]
     places: Array
     fitted: Fitted
+    traced: bool
 
 
 def find_harness(observed: Observed, config: Config, run: Run, wire: float | None = None) -> FoundHarness:
@@ -91,19 +92,16 @@ def find_harness(observed: Observed, config: Config, run: Run, wire: float | Non
             raise NotEnoughDataError("views: the points make no strand; is the radius right, in metres?")
         _refuse_surfaces(strands, observed, radii[1])
         places = _lift_junctions(decided, strands)
-        # four strands that meet at one height are joined, whatever tubes say
-        joined = any(len(found.ends) >= _MANY and found.margin >= _SURE for found in decided.junctions)
-        if len(lines.hubs) and not joined:
-            alone = find_alone(observed, ground.up, config, run)
-            if alone is not None:
-                strands, places = [reach_edges(strand, drawn) for strand in alone], np.zeros((0, 3))
+        alone = find_alone(observed, ground.up, config, run) if len(lines.hubs) else None
+        if alone is not None:
+            strands, places = [reach_edges(strand, drawn) for strand in alone], np.zeros((0, 3))
     with run.stage("fit"):
         centers = np.array([view.viewpoint for view in observed.views])
         clouds = Clouds(
             [_core.copy_constant(cloud) for cloud in ground.given], centers, observed.held, observed.bounds
         )
         fitted = fit_harness(clouds, strands, places, ground.motions, given, config)
-    return FoundHarness(drawn, ground, lines, decided, strands, places, fitted)
+    return FoundHarness(drawn, ground, lines, decided, strands, places, fitted, alone is not None)
 
 
 def _refuse_surfaces(strands: list[Strand], observed: Observed, radius: float) -> None:

@@ -24,7 +24,7 @@ _FLOOR = 0.3  # density at which the table is seen, its median
 _MIN_FLOOR = 1e-6  # points in a cell where the table counts as seen at all
 _MIN_SHARE = 0.3  # of the points in a cell are of a rope, where noise lifts points of the table
 _CLOSED = 1.8  # half width of the shadows that are closed, greatest radii
-_MAX_SPECK = 25.0  # area of pieces that are dropped, squared least radii
+_MAX_SPECK = 10.0  # area of pieces that are dropped, squared least radii
 _MAX_HOLE = 1.7  # area of holes that are filled, the same
 _EDGE = 0.35  # standard deviation of the smoothing of edges, least radii
 _SPREAD = 1.0  # standard deviation with which heights spread to cells that are hardly seen, greatest radii
@@ -170,7 +170,7 @@ def make_map(
         raise NotEnoughDataError("views: no points of a rope in the extraction range")
     mask = density > _OCCUPIED * typical
     area = (least / cell) ** 2
-    mask = _drop_specks(mask, 0.2 * _MAX_SPECK * area)
+    mask = _drop_specks(mask, 0.5 * _MAX_SPECK * area)
     mask = ~_drop_specks(~mask, _MAX_HOLE * area)
     if len(floor):
         mask = _close_shadows(mask, table, _CLOSED * greatest / cell)
