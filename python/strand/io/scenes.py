@@ -217,7 +217,7 @@ def load_scene(
     raise FileFormatError(
         path,
         f"expected a folder with a scene.toml, or a .toml, .npz, {', '.join(SUFFIXES)} file; recordings are "
-        f"{', '.join(RECORDED)} files or folders of ROS 2 bags",
+        f"{', '.join(RECORDED)} files, folders of ROS 2 bags, or LeRobot data sets",
     )
 
 
