@@ -136,7 +136,7 @@ def _doubt_edges(graph: Graph, chains: Sequence[Chain]) -> list[Doubt]:
         if length < 2.0 * _SHORT * radius and max(degrees[node] for node in pair) > 1:
             reason = "an edge is hardly longer than thick: is it part of a junction?"
             doubts.append(
-                Doubt("junction", _SHORT_DOUBT, "whether there is a branch", reason, chain.at(0.5 * length))
+                Doubt("rival", _SHORT_DOUBT, "whether there is a branch", reason, chain.at(0.5 * length))
             )
         for late, node in enumerate(pair):
             if degrees[node] < 2 or length < 2.0 * _BENT_REACH[1] * radius:
