@@ -11,10 +11,11 @@ from strand._core import NotEnoughDataError
 from strand.config import Config
 from strand.reconstruction.evidence.confidence import compute_trust
 from strand.reconstruction.harness.strands import Strand
+from strand.reconstruction.harness.surface_map import SurfaceMap
 from strand.reconstruction.stages import Observed, Run
 from strand.reconstruction.tubes.method import find_chains
 from strand.ropes.chain import Chain
-from strand.ropes.contacts import find_contacts
+from strand.ropes.contacts import Contact, find_contacts
 from strand.ropes.crossings import find_crossings
 from strand.support.checks import Array
 
@@ -24,16 +25,19 @@ _MEETING = 0.5  # gap between an end's axis and a strand's surface where they me
 _LEVEL = 0.5  # difference of their heights there at most, sums of their radii
 _OWN = 6.0  # stretch of rope at an end that it cannot meet, radii
 _TIED = 0.2  # gap of strands that a tie may hold together, radii
+_TIE = 0.95  # height of a tie over the strands' axes at least, radii: between touching ropes is a valley
+_NEAR_CONTACT = 3.0  # distance of a tie from where the strands touch at most, radii
+_APART = 1.3  # distance of the axes of strands under a tie at most, sums of their radii
+_STEP = 0.25  # radii: distance of the places where ties are sought
 
 
-def find_alone(observed: Observed, up: Array, config: Config, run: Run) -> list[Strand] | None:
+def find_alone(observed: Observed, drawn: SurfaceMap, config: Config, run: Run) -> list[Strand] | None:
     """Return the ropes as strands without junctions; None if they may branch, or are not sure.
 
     Parameters
     ----------
     observed : Observed
-    up : (3,) ndarray
-        Unit vector away from the table.
+    drawn : SurfaceMap
     config : Config
     run : Run
         Its warnings stay as they are.
@@ -42,13 +46,16 @@ def find_alone(observed: Observed, up: Array, config: Config, run: Run) -> list[
         found = find_chains(_take_few(observed), config, run.fork())
     except NotEnoughDataError:
         return None
-    chains = found.chains
-    if compute_trust(found.doubts or ()) < _MIN_TRUST or _meet(chains, up):
+    chains, up = found.chains, drawn.frame[:, 2]
+    # how far an end reaches is no question of branches
+    doubts = [doubt for doubt in found.doubts or () if doubt.kind != "end"]
+    if compute_trust(doubts) < _MIN_TRUST or _meet(chains, up):
         return None
     least = _LEVEL * 2.0 * min(chain.radius for chain in chains)
     if any(abs(crossing.height) < least for crossing in find_crossings(chains, up, ())):
         return None
-    if find_contacts(chains, _TIED * min(chain.radius for chain in chains), up):
+    contacts = find_contacts(chains, _TIED * min(chain.radius for chain in chains), up)
+    if any(_may_be_tied(contact, chains, drawn) for contact in contacts):
         return None
     return [Strand(chain.points, (None, None), chain.radius, chain.closed) for chain in chains]
 
@@ -66,6 +73,34 @@ def _take_few(observed: Observed) -> Observed:
         numbers=[observed.numbers[place] for place in chosen],
         middle=observed.numbers[observed.held],
     )
+
+
+def _may_be_tied(contact: Contact, chains: Sequence[Chain], drawn: SurfaceMap) -> bool:
+    """Tell whether a tie may hold two strands together: side by side, with a surface above both between them."""
+    first, second = (chains[number] for number, _ in (contact.first, contact.second))
+    reach = first.radius + second.radius
+    up = drawn.frame[:, 2]
+    if abs(float((contact.point_first - contact.point_second) @ up)) > _LEVEL * reach:
+        return False
+    some, other = (
+        _sample_around(chain, stretch)
+        for chain, stretch in ((first, contact.stretch_first), (second, contact.stretch_second))
+    )
+    gaps = np.linalg.norm(some[:, None] - other, axis=2)
+    near = gaps.min(axis=1) < _APART * reach
+    middles = 0.5 * (some + other[gaps.argmin(axis=1)])[near]
+    if not len(middles):
+        return False
+    places, heights = drawn.flatten(middles)
+    return float((drawn.sample_heights(places) - heights).max()) > 0.5 * _TIE * reach
+
+
+def _sample_around(chain: Chain, stretch: tuple[float, float]) -> Array:
+    """Return places (M, 3) on a chain along a stretch and somewhat beyond."""
+    more = _NEAR_CONTACT * chain.radius
+    low, high = max(stretch[0] - more, 0.0), min(stretch[1] + more, chain.length)
+    count = max(int((high - low) / (_STEP * chain.radius)), 2)
+    return chain.at(np.linspace(low, high, count))
 
 
 def _meet(chains: Sequence[Chain], up: Array) -> bool:

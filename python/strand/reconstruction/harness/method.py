@@ -92,7 +92,7 @@ def find_harness(observed: Observed, config: Config, run: Run, wire: float | Non
             raise NotEnoughDataError("views: the points make no strand; is the radius right, in metres?")
         _refuse_surfaces(strands, observed, radii[1])
         places = _lift_junctions(decided, strands)
-        alone = find_alone(observed, ground.up, config, run) if len(lines.hubs) else None
+        alone = find_alone(observed, drawn, config, run) if len(lines.hubs) else None
         if alone is not None:
             strands, places = [reach_edges(strand, drawn) for strand in alone], np.zeros((0, 3))
     with run.stage("fit"):

@@ -71,6 +71,19 @@ def test_a_rope_is_a_graph_of_one_edge():
     )
 
 
+@pytest.mark.parametrize("seed", [29, 62017])
+def test_ropes_that_end_on_a_rope_have_no_junction(seed):
+    made, model = look("rope", seed)
+    assert [node.kind for node in model.harness.nodes] == ["end"] * 2 * len(made.edges)
+    lengths = sorted(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in made.truth)
+    np.testing.assert_allclose(sorted(edge.length for edge in model.harness.edges), lengths, atol=0.006)
+
+
+def test_a_tie_makes_a_junction_of_a_loop():
+    made, model = look("loop", 62001)
+    check_graph(made, model)
+
+
 def test_wires_are_counted():
     made = harness("tree", seed=0, views=3, camera=CAMERA, noise=Noise(depth=0.0003))
     wire = made.radii[0] / np.sqrt(made.wires[0])
