@@ -76,7 +76,7 @@ def _take_few(observed: Observed) -> Observed:
 
 
 def _may_be_tied(contact: Contact, chains: Sequence[Chain], drawn: SurfaceMap) -> bool:
-    """Tell whether a tie may hold two strands together: side by side, with a surface above both between them."""
+    """Tell whether a tie may hold two strands together: between them lies a surface above both."""
     first, second = (chains[number] for number, _ in (contact.first, contact.second))
     reach = first.radius + second.radius
     up = drawn.frame[:, 2]
