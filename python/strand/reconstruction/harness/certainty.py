@@ -78,15 +78,14 @@ def judge(found: FoundHarness, graph: Graph, chains: Sequence[Chain]) -> Certain
         for number, margin in enumerate(margins)
     ]
     nodes += [_END] * (len(graph.places) - len(nodes))
-    crossings = [_CROSSING * _to_probability(passing.margin) for passing in decided.passings[::2]]
-    if found.traced:
-        crossings = []
+    passings = {} if found.traced else {passing.place: passing for passing in decided.passings}
+    crossings = [_CROSSING * _to_probability(passing.margin) for passing in passings.values()]
     doubts = [
         Doubt("junction", 1.0 - sure, "whether strands are joined", _WHY_JOINED, graph.places[number])
         for number, sure in enumerate(nodes)
         if sure < 1.0 - _WORTH_SAYING
     ]
-    for passing, sure in zip(decided.passings[::2], crossings, strict=False):
+    for passing, sure in zip(passings.values(), crossings, strict=True):
         if sure < 1.0 - _WORTH_SAYING:
             place = found.drawn.lift(passing.middle[None], np.array([passing.height]))[0]
             doubts.append(Doubt("junction", 1.0 - sure, "whether strands cross", _WHY_CROSSING, place))

@@ -79,7 +79,7 @@ def follow_strands(lines: Lines, decided: Decisions, drawn: SurfaceMap, radii: A
         first, second = passing.ends
         onward[first], onward[second] = (second, passing), (first, passing)
     junction_at = {end: number for number, junction in enumerate(decided.junctions) for end in junction.ends}
-    laid_at = {laid.end: laid.place for laid in decided.laid}
+    laid_at = {laid.end: laid for laid in decided.laid}
     seen: set[int] = set(decided.inner)
     starts = [(arc, end) for arc in range(len(lines.arcs)) for end in (0, 1) if (arc, end) not in onward]
     starts += [(arc, 0) for arc in range(len(lines.arcs))]
@@ -91,6 +91,7 @@ def follow_strands(lines: Lines, decided: Decisions, drawn: SurfaceMap, radii: A
         cells = _bridge(pieces, passed, drawn)
         closed = start in onward
         ends: list[int | None] = [None, None]
+        under: list[Array] = []
         for place, end in enumerate((start, stop)):
             backwards = cells[::-1] if place == 0 else cells
             if closed:
@@ -99,13 +100,15 @@ def follow_strands(lines: Lines, decided: Decisions, drawn: SurfaceMap, radii: A
                 ends[place] = junction_at[end]
                 extended = _lead_to(backwards, decided.junctions[junction_at[end]].place)
             elif end in laid_at:
-                extended = np.vstack([backwards, laid_at[end]])
+                extended = np.vstack([backwards, laid_at[end].place])
+                if laid_at[end].under:
+                    under.append(extended[-2:])
             else:
                 extended = _reach_edge(backwards, drawn)
             cells = extended[::-1] if place == 0 else extended
         if lines.arcs[start[0]].hubs == (NO_HUB, NO_HUB) and len(pieces) == 1 and _is_ring(pieces[0]):
             closed = True
-        strands.append(_lift(cells, passed, (ends[0], ends[1]), closed, drawn, radii))
+        strands.append(_lift(cells, passed, under, (ends[0], ends[1]), closed, drawn, radii))
     return strands
 
 
@@ -202,6 +205,7 @@ def reach_edges(strand: Strand, drawn: SurfaceMap) -> Strand:
 def _lift(
     cells: Array,
     passed: list[Passing],
+    under: list[Array],
     ends: tuple[int | None, int | None],
     closed: bool,
     drawn: SurfaceMap,
@@ -226,6 +230,9 @@ def _lift(
             nearest = int(np.linalg.norm(smooth - passing.middle, axis=1).argmin())
             merged = float(np.linalg.norm(cells - passing.middle, axis=1).min())
             hidden |= np.abs(places - places[nearest]) < max(_HIDDEN * half, merged + _BESIDE * half)
+    for last, tip in under:
+        reach = _HIDDEN * half + float(np.linalg.norm(last - tip))
+        hidden |= np.linalg.norm(smooth - tip, axis=1) < reach
     if (~hidden).sum() >= _FEWEST:
         heights = np.interp(places, places[~hidden], _take_medians(heights[~hidden]))
     heights = smooth_nodes(heights[:, None], deviation)[:, 0] - _AXIS * radius

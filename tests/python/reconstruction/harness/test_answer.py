@@ -79,6 +79,13 @@ def test_ropes_that_end_on_a_rope_have_no_junction(seed):
     np.testing.assert_allclose(sorted(edge.length for edge in model.harness.edges), lengths, atol=0.006)
 
 
+@pytest.mark.parametrize(("kind", "seed"), [("near", 100), ("near", 111), ("cross", 103), ("cross", 111)])
+def test_strands_that_cross_near_junctions_are_told_apart(kind, seed):
+    made, model = look(kind, seed)
+    check_graph(made, model)
+    assert model.confidence > 0.7
+
+
 def test_a_tie_makes_a_junction_of_a_loop():
     made, model = look("loop", 62001)
     check_graph(made, model)

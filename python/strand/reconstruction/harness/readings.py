@@ -1,0 +1,243 @@
+"""Ways to read a place where arcs meet, and what each costs.
+
+A place is a junction, a crossing, an end that lies on a strand, or a strand that passes over a junction.
+Height counts most: at a crossing one strand lies on the other, at a junction all have one height. Then come
+straight continuation and equal widths.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from strand.reconstruction.harness.ports import Port, measure_angle
+from strand.reconstruction.harness.surface_map import SurfaceMap
+from strand.support.checks import Array
+
+_PAIRINGS = (((0, 1), (2, 3)), ((0, 2), (1, 3)), ((0, 3), (1, 2)))
+_BEND = 0.45  # radians: bend of a strand through a crossing that costs 1
+_SIDE = 0.6  # radians: the same, between a strand and the way to its continuation
+_WIDTH = 0.46  # relative difference of its widths that costs 1
+_RISE = 0.8  # height of the upper strand over the lower one at least, radii
+_LEVEL = 0.25  # difference of heights at a junction at most, radii
+_RISE_SD = 0.35  # radii: deviation of these
+_RISE_WEIGHT = 2.0  # of a missing rise at a crossing
+_LEVEL_WEIGHT = 4.0  # of a rise at a junction
+_MAX_LEVEL = 8.0  # of that at most
+_MAX_UNLIKE = 12.0  # the same at a junction of three
+_BRANCH = 1.25  # cost of each arc of a junction but two
+_TORN = 2.5  # cost that close hubs save that are one junction
+_FURTHER = 2.0  # cost of each hub of one place but two
+_SPREAD = 0.6  # difference of heights at a junction that a strand passes at most, radii
+_TOP = 75.0  # percentile of the heights in the middle that tells how high the upper strand lies
+_LAID = -0.75  # cost of an end that lies on a strand, beside what it leaves unexplained
+_LAID_RISE = 0.8  # height of the end over the strand at least, radii
+_LAID_DROP = 0.45  # height of the end over its own rest at least, radii
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What a place may be. Numbers are those of its ports.
+
+    Attributes
+    ----------
+    cost : float
+    junction : tuple of int
+        The ports that are joined; empty if none are.
+    pairs : tuple of (int, int)
+        The ports that are one strand, which passes.
+    heights : tuple of float
+        The height of each such strand's surface, metres.
+    others : tuple of (float or None)
+        That of what it crosses; None if that is an end.
+    laid : int or None
+        The port of an end that lies on the strand, or under it.
+    under : bool
+        Whether it lies under it.
+    unlike : float
+        How much a junction there fails to explain the heights.
+    place : (2,) ndarray or None
+        Row and column of a junction that a strand passes.
+    """
+
+    cost: float
+    junction: tuple[int, ...] = ()
+    pairs: tuple[tuple[int, int], ...] = ()
+    heights: tuple[float, ...] = ()
+    others: tuple[float | None, ...] = ()
+    laid: int | None = None
+    under: bool = False
+    unlike: float = 0.0
+    place: Array | None = None
+
+
+def list_readings(
+    own: Sequence[Port], hubs: Sequence[int], middle: Array, drawn: SurfaceMap, on_table: bool, torn: bool
+) -> list[Reading]:
+    """Return the ways to read a place, the cheapest first.
+
+    Parameters
+    ----------
+    own : sequence of Port
+    hubs : sequence of int
+        The hub of each port; a place may have several.
+    middle : (M, 2) ndarray
+        Cells between the ports.
+    drawn : SurfaceMap
+    on_table : bool
+        Whether ropes lie on a table, so that a crossing rises above its surroundings.
+    torn : bool
+        Whether the hubs are so close that they may be one junction.
+    """
+    count = len(set(hubs))
+    one = count == 1
+    readings: list[Reading] = []
+    if len(own) == 3 and (one or torn):
+        readings = _read_three(own, drawn, on_table)
+    elif len(own) == 4:
+        readings = _read_four(own, hubs, middle, drawn, on_table, one or torn)
+    elif len(own) == 5:
+        readings = _read_five(own, hubs, middle, drawn, on_table)
+    if one and len(own) != 3 and len(own) != 4:
+        readings.append(_join_all(len(own)))
+    further = _FURTHER * max(count - 2, 0)
+    saved = _TORN if torn and not one else 0.0
+    readings = [
+        replace(reading, cost=reading.cost + further - (0.0 if reading.pairs else saved))
+        for reading in readings
+    ]
+    return sorted(readings, key=lambda reading: reading.cost)
+
+
+def price_level(
+    own: Sequence[Port], hubs: Sequence[int], middle: Array, drawn: SurfaceMap, on_table: bool
+) -> float:
+    """Return what it costs that four ports are joined, by the heights of the best crossing."""
+    return _read_four(own, hubs, middle, drawn, on_table, True)[-1].cost - 2.0 * _BRANCH
+
+
+def _join_all(count: int) -> Reading:
+    return Reading(_BRANCH * (count - 2), tuple(range(count)))
+
+
+def _read_three(own: Sequence[Port], drawn: SurfaceMap, on_table: bool) -> list[Reading]:
+    """Return a junction of three, and ends that lie on or under the strand of the other two."""
+    if not on_table:
+        return [_join_all(3)]
+    unlike, ends = 0.0, []
+    for number in range(3):
+        others = (0, 1) if number == 2 else (0, 2) if number == 1 else (1, 2)
+        end, some, other = own[number], own[others[0]], own[others[1]]
+        radius = drawn.cell * end.half_width
+        deviation = _measure_deviation(own, radius)
+        bend = measure_angle(-some.mean_direction, other.mean_direction)
+        widths = (some.half_width - other.half_width) / (0.5 * (some.half_width + other.half_width))
+        straight = (bend / _BEND) ** 2 + (widths / _WIDTH) ** 2 + _LAID
+        rise = end.near - max(some.rest, other.rest)
+        drop = end.near - end.rest
+        bump = min(some.near, other.near) - max(port.rest for port in own)
+        for under, heights in (
+            (False, (rise - _LAID_RISE * radius, drop - _LAID_DROP * radius)),
+            (True, (bump - _LAID_RISE * radius,)),
+        ):
+            low = sum(min(0.0, height) ** 2 for height in heights)
+            cost = straight + _RISE_WEIGHT * low / deviation**2
+            height = 0.5 * (some.near + other.near if under else some.rest + other.rest)
+            ends.append(Reading(cost, (), (others,), (height,), (None,), number, under))
+        level = max(0.0, min(rise, drop) - _LEVEL * radius, bump - _LEVEL * radius)
+        unlike = max(unlike, _LEVEL_WEIGHT * (level / deviation) ** 2)
+    return [Reading(_BRANCH + min(unlike, _MAX_UNLIKE), (0, 1, 2), unlike=unlike), *ends]
+
+
+def _read_four(
+    own: Sequence[Port], hubs: Sequence[int], middle: Array, drawn: SurfaceMap, on_table: bool, joined: bool
+) -> list[Reading]:
+    """Return crossings, and a junction of four last."""
+    radius = drawn.cell * float(np.mean([port.half_width for port in own]))
+    top = float(np.percentile(drawn.sample_heights(middle), _TOP))
+    rest = max(port.rest for port in own)
+    deviation = _measure_deviation(own, radius)
+    readings, levels = [], []
+    for pairs in _PAIRINGS:
+        if any(_turn_back(pair, hubs) for pair in pairs):
+            continue
+        first, second = (0.5 * (own[i].height + own[j].height) for i, j in pairs)
+        # axes, as strands of different widths that lie on a table differ in their surfaces
+        widths = [0.5 * drawn.cell * (own[i].half_width + own[j].half_width) for i, j in pairs]
+        rise = abs(first - widths[0] - second + widths[1])
+        if on_table:
+            rise = max(rise, top - rest)
+        cost = sum(_price_continuation(own[i], own[j]) for i, j in pairs)
+        cost += _RISE_WEIGHT * (max(0.0, _RISE * radius - rise) / deviation) ** 2
+        readings.append(Reading(cost, (), pairs, (first, second), (second, first)))
+        # an end that lies on a strand makes a rise too
+        levels.append(min(_LEVEL_WEIGHT * (max(0.0, rise - _LEVEL * radius) / deviation) ** 2, _MAX_LEVEL))
+    if joined:
+        level = levels[int(np.argmin([reading.cost for reading in readings]))] if readings else 0.0
+        readings.append(Reading(2.0 * _BRANCH + level, (0, 1, 2, 3)))
+    return readings
+
+
+def _read_five(
+    own: Sequence[Port], hubs: Sequence[int], middle: Array, drawn: SurfaceMap, on_table: bool
+) -> list[Reading]:
+    """Return strands that pass a junction of three."""
+    readings = []
+    top = float(np.percentile(drawn.sample_heights(middle), _TOP))
+    axes = np.array([port.height - drawn.cell * port.half_width for port in own])
+    for pair in combinations(range(5), 2):
+        if _turn_back(pair, hubs):
+            continue
+        rest = tuple(number for number in range(5) if number not in pair)
+        widths = drawn.cell * np.array([port.half_width for port in own])
+        radius = float(widths.mean())
+        deviation = _measure_deviation(own, radius)
+        passing, joint = axes[list(pair)].mean(), axes[list(rest)].mean()
+        rise = abs(float(passing - joint))
+        if on_table:
+            rise = max(rise, top - max(port.rest for port in own))
+        cost = _BRANCH + _price_continuation(own[pair[0]], own[pair[1]])
+        astray, place = _find_meeting([own[number] for number in rest], middle)
+        cost += astray
+        cost += _RISE_WEIGHT * (max(0.0, _RISE * radius - rise) / deviation) ** 2
+        apart = float(np.ptp(axes[list(rest)])) - _SPREAD * radius
+        cost += min(_LEVEL_WEIGHT * (max(0.0, apart) / deviation) ** 2, _MAX_LEVEL)
+        own_height = float(passing + widths[list(pair)].mean())
+        other = float(joint + widths[list(rest)].mean())
+        readings.append(Reading(cost, rest, (pair,), (own_height,), (other,), place=place))
+    return readings
+
+
+def _turn_back(pair: tuple[int, int], hubs: Sequence[int]) -> bool:
+    """Tell whether a strand would go back at the first of several hubs that it meets."""
+    some, other = (hubs[number] for number in pair)
+    return some == other and len(set(hubs)) > 1 and list(hubs).count(some) == 2
+
+
+def _price_continuation(some: Port, other: Port) -> float:
+    """Return the cost of two ports that are one strand: bend, sideways shift, difference of widths."""
+    bend = measure_angle(-some.direction, other.direction)
+    way = other.place - some.place
+    way = way / max(float(np.linalg.norm(way)), 1e-9)
+    side = measure_angle(-some.direction, way) + measure_angle(other.direction, way)
+    widths = (some.half_width - other.half_width) / (0.5 * (some.half_width + other.half_width))
+    return float((bend / _BEND) ** 2 + (side / _SIDE) ** 2 + (widths / _WIDTH) ** 2)
+
+
+def _find_meeting(own: Sequence[Port], middle: Array) -> tuple[float, Array]:
+    """Return what it costs that ports point past the cell where they meet, and the cell: the best one."""
+    costs = np.zeros(len(middle))
+    for port in own:
+        ways = middle - port.place
+        ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-9)
+        costs += (np.arccos(np.clip(-ways @ port.direction, -1.0, 1.0)) / _SIDE) ** 2
+    best = int(costs.argmin())
+    return float(costs[best]), middle[best]
+
+
+def _measure_deviation(own: Sequence[Port], radius: float) -> float:
+    """Return the standard deviation of a difference of heights, metres: of noise, and of strands' waves."""
+    return float(np.hypot(_RISE_SD * radius, np.mean([port.scatter for port in own])))
