@@ -145,10 +145,10 @@ class Drawing:
             x, y = where[:, across], where[:, up]
             axes.plot(x, y, marker, ms=size, mfc=color, mec=INK, mew=0.8, zorder=5)
 
-    def draw_numbers(self, lines: Sequence[Array]) -> None:
-        """Write each polyline's number beside its middle, in the plan."""
+    def draw_numbers(self, lines: Sequence[Array], first: int = 1) -> None:
+        """Write each polyline's number, counted from `first`, beside its middle, in the plan."""
         axes, across, up, _ = self.panels[0]
-        for i, points in enumerate(lines, 1):
+        for i, points in enumerate(lines, first):
             where = self.plan.to_millimeters(points)[:, [across, up]]
             middle = len(where) // 2
             along = (where[min(middle + 1, len(where) - 1)] - where[middle - 1]) * self.plan.signs[:2]

@@ -59,6 +59,7 @@ if TYPE_CHECKING:
 _FIGURES = {
     "tubes": ("raw", "filtered", "registered", "arcs", "ropes", "residuals", "uncertainty", "cameras"),
     "images": ("raw", "filtered", "registered", "ropes", "uncertainty", "cameras"),
+    "harness": ("raw", "filtered", "registered", "arcs", "ropes", "residuals", "uncertainty", "cameras"),
     "published": (
         *("raw", "filtered", "normals", "registered", "axis-points", "chains"),
         *("separation", "segments", "strings", "cameras"),
@@ -81,6 +82,7 @@ def write_figures(
     - All methods: raw, filtered and registered points, the chains with their doubts, and the cameras.
     - Tubes: the observed arcs, the residuals of the fit, and the uncertainty of the nodes too.
     - Images: the uncertainty of the nodes too.
+    - Harnesses: the figures of tubes, with edges for chains, and the junctions marked.
     - The published method: normals, axis points and traced chains (fig. 6), the separation d* with the cuts
       (fig. 11) and the segments (fig. 12) too; its chains are called strings (fig. 13).
 
@@ -175,7 +177,8 @@ def draw_ropes(model: Model, truth: Sequence[ArrayLike] = ()) -> Figure:
     cloud = np.vstack(take_stage(model, "registered"))
     count = len(model.chains)
     lengths = ", ".join(f"{chain.length * 1e3:.0f} mm" for chain in model.chains[:_MAX_LENGTHS])
-    title = f"{count} {'chain' if count == 1 else 'chains'}: {lengths}{', …' if count > _MAX_LENGTHS else ''}"
+    what = "chain" if model.harness is None else "edge"
+    title = f"{count} {what}{'' if count == 1 else 's'}: {lengths}{', …' if count > _MAX_LENGTHS else ''}"
     legend = [make_dot("registered points", GRAY), make_dot("rope's end", PALETTE[3], edge=INK)]
     bridged = np.vstack(
         [np.empty((0, 3)), *(chain.points[_find_bare_nodes(chain)] for chain in model.chains)]
@@ -185,6 +188,9 @@ def draw_ropes(model: Model, truth: Sequence[ArrayLike] = ()) -> Figure:
     crossed = _find_crossings(model, cloud)
     if len(crossed):
         legend.append(make_dot("crossing", "none", edge=INK, marker="s"))
+    junctions = find_junctions(model)
+    if len(junctions):
+        legend.append(make_dot("junction", INK))
     unsure = _find_doubts(model)
     if len(unsure):
         legend.append(_make_doubt_entry())
@@ -210,7 +216,9 @@ def draw_ropes(model: Model, truth: Sequence[ArrayLike] = ()) -> Figure:
             axes.plot(where[:, across], where[:, up], color=INK, lw=0.9, ls="--", zorder=4)
     drawing.draw_markers(find_rope_ends(model), "o", PALETTE[3])
     drawing.draw_markers(crossed, "s", "none", size=15.0)
-    drawing.draw_markers(find_junctions(model), "o", INK, size=5.0)
+    drawing.draw_markers(junctions, "o", INK, size=5.0)
+    if model.harness is not None:
+        drawing.draw_numbers([chain.points for chain in model.chains], first=0)
     drawing.draw_markers(unsure, _DOUBT_MARKER, _DOUBT_COLOR)
     return drawing.figure
 

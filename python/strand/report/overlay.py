@@ -71,7 +71,8 @@ def draw_overlay(camera: Camera, model: Model, max_bytes: int) -> str:
     for i, (chain, (pixels, z)) in enumerate(zip(chains, drawn, strict=True)):
         kept = np.unique(np.append(np.arange(0, len(pixels), every), len(pixels) - 1))
         parts += _draw_strokes(camera, chain, pixels, z, kept, longest)
-        u, v = pixels[0]
+        # several edges of a harness start at a junction
+        u, v = pixels[0 if model.harness is None else len(pixels) // 2]
         if left <= u <= right and top <= v <= bottom:
             parts.append(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{0.8 * size:.2f}" fill="#fff"/>')
             parts.append(

@@ -126,7 +126,8 @@ def place_points(model: Model, views: Sequence[View]) -> list[Array]:
 def _summarize(model: Model) -> str:
     count = len(model.chains)
     lengths = ", ".join(f"{chain.length * 1e3:.0f} mm" for chain in model.chains[:_MAX_LENGTHS])
-    parts = [f"{count} {'chain' if count == 1 else 'chains'}"]
+    what = "chain" if model.harness is None else "edge"
+    parts = [f"{count} {what}{'' if count == 1 else 's'}"]
     if count:
         parts[0] += f" ({lengths}{', …' if count > _MAX_LENGTHS else ''})"
     parts.append(_count(len(model.doubts), "doubt"))
@@ -153,11 +154,14 @@ def _draw_overlays(model: Model, cameras: Sequence[Camera | None]) -> str:
     some = "" if len(shown) == len(cameras) else f" {len(shown)} of {len(cameras)} views are shown."
     if len(model.chains) > MAX_CHAINS:
         some += f" The {MAX_CHAINS} longest of {len(model.chains)} chains are drawn."
+    numbered = (
+        "the starts of chains" if model.harness is None else "the middles of edges, white dots junctions"
+    )
     return (
         f'<div class="views">{"".join(figures)}</div><p class="note">Brighter pixels are nearer than the '
         "plane that fits most of the image; black pixels have no return. A chain is thin where something "
         "hides it from the camera, and dashed where no view saw it. Colours show "
-        "the arc length, as in the view in space. Numbers mark the starts of chains; orange crosses mark "
+        f"the arc length, as in the view in space. Numbers mark {numbered}; orange crosses mark "
         f"crossings, red rings doubts.{some}</p>"
     )
 
@@ -178,7 +182,7 @@ def _tabulate_chains(model: Model) -> str:
                 f"{chain.length * 1e3:.1f}",
                 f"{chain.radius * 1e3:.2f}" + (f" ± {chain.radius_sd * 1e3:.2f}" if chain.radius_sd else ""),
                 f"{len(chain.points)}",
-                describe_ends(chain),
+                describe_ends(model, i),
                 "" if np.isnan(chain.confidence) else f"{chain.confidence:.2f}",
                 _format_millimeters(chain.points[0]),
                 _format_millimeters(chain.points[-1]),

@@ -265,13 +265,18 @@ def _draw_unseen(pen: Pen, lines: Sequence[_Line]) -> list[dict[str, Any]]:
 
 
 def _draw_places(pen: Pen, model: Model) -> list[dict[str, Any]]:
-    """Draw ends, crossings, doubts and joins."""
-    ends = [
-        (place, f"chain {i} {what}")
-        for i, chain in enumerate(model.chains)
-        if not chain.closed
-        for place, what in ((chain.points[0], "starts"), (chain.points[-1], "ends"))
-    ]
+    """Draw ends, junctions, crossings, doubts and joins."""
+    nodes = () if model.harness is None else model.harness.nodes
+    named = [(node.position, f"{node.kind} {node.id}", node.kind) for node in nodes]
+    junctions = [(place, text) for place, text, kind in named if kind == "junction"]
+    ends = [(place, text) for place, text, kind in named if kind == "end"]
+    if model.harness is None:
+        ends = [
+            (place, f"chain {i} {what}")
+            for i, chain in enumerate(model.chains)
+            if not chain.closed
+            for place, what in ((chain.points[0], "starts"), (chain.points[-1], "ends"))
+        ]
     met = list_model_crossings(model)
     crossed = [(crossing.place, str(crossing)) for crossing in met or ()]
     doubts = [
@@ -286,14 +291,15 @@ def _draw_places(pen: Pen, model: Model) -> list[dict[str, Any]]:
     traces = []
     for name, found, marker, visible in (
         ("end", ends, {"color": "white", "symbol": "circle", "size": 7}, True),
+        ("junction", junctions, {"color": INK, "symbol": "circle", "size": 7}, True),
         ("doubt", doubts, {"color": DOUBT, "symbol": "circle-open", "size": 22}, True),
         ("crossing", crossed, {"color": CROSSING, "symbol": "square-open", "size": 12}, True),
         ("join", joins, {"color": PALETTE[4], "symbol": "diamond-open", "size": 8}, "legendonly"),
     ):
         if found:
             places, texts = zip(*found[:MAX_PLACES], strict=True)
-            named = f"{name}s: {len(found)}" if len(found) > 1 else name
-            traces.append(pen.draw_markers(np.array(places), named, marker, texts, visible=visible))
+            entry = f"{name}s: {len(found)}" if len(found) > 1 else name
+            traces.append(pen.draw_markers(np.array(places), entry, marker, texts, visible=visible))
     return traces
 
 

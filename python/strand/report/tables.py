@@ -39,6 +39,18 @@ STAGE_ARRAYS: dict[str, dict[str, str | None]] = {
         "explain": "readings",
         "fit images": "chains",
     },
+    "harness": {
+        "extract": "raw",
+        "radius": None,
+        "filter": "filtered",
+        "register": "registered",
+        "map": None,
+        "places": "arcs",
+        "arcs": None,
+        "link": None,
+        "fit": "chains",
+        "ends": None,
+    },
     "published": {
         "extract": "raw",
         "filter": "filtered",
@@ -54,6 +66,7 @@ STAGE_ARRAYS: dict[str, dict[str, str | None]] = {
 COUNTED = {
     "tubes": {"arcs": "arcs seen", "chains": "whole ropes"},
     "images": {"readings": "ropes in the readings compared", "chains": "whole ropes"},
+    "harness": {"arcs": "strands seen", "chains": "edges of the graph"},
     "published": {
         "traced": "chains traced",
         "segments": "segments after the split",
@@ -102,8 +115,12 @@ class Accuracy:
 
 
 def find_branch(model: Model) -> str:
-    """Return the branch, or else the method, whose stages a model has; raise ValueError without stages."""
+    """Return the branch, or else the method, whose stages a model has; raise ValueError without stages.
+
+    A model with a harness has stages of its own, whatever its method.
+    """
     name = check_instance("model", model, Model).branch or model.method
+    name = name if model.harness is None else "harness"
     if not model.stages or name not in STAGE_ARRAYS:
         raise ValueError("model: expected one with its stages, from reconstruct(..., keep_stages=True)")
     return name
@@ -210,7 +227,7 @@ def describe_chains(model: Model) -> str:
             f"{chain.length * 1e3:.1f}",
             f"{len(chain.points)}",
             f"{chain.radius * 1e3:.2f}",
-            describe_ends(chain) if model.harness is None else describe_edge(model.harness, i),
+            describe_ends(model, i),
             *((f"{chain.confidence:.2f}", _list_kinds(chain)) if sure else ()),
         )
         for i, chain in enumerate(model.chains)
@@ -227,8 +244,11 @@ def describe_edge(harness: Harness, number: int) -> str:
     return f"{names[0]} to {names[1]}{wires}"
 
 
-def describe_ends(chain: Chain) -> str:
-    """Say whether a chain is open or closed, and which ends an occluder hides."""
+def describe_ends(model: Model, number: int) -> str:
+    """Say between which nodes of a harness a chain runs, or whether it is closed or has hidden ends."""
+    chain = model.chains[number]
+    if model.harness is not None:
+        return describe_edge(model.harness, number)
     if chain.closed:
         return "closed"
     return {

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import sys
 
 import pytest
 
+import strand
 from strand.cli import main, view
 
 
@@ -17,6 +19,24 @@ def test_report_writes_a_page(scene_npz, tmp_path, capsys):
     assert "<h1>arc</h1>" in text
     assert "<td>ropes</td><td>1</td>" in text
     assert "1 chain (" in text
+
+
+def test_harnesses_are_drawn(tmp_path, capsys):
+    made = strand.synthetic.harness("tree", seed=2, views=1)
+    path, page, folder = tmp_path / "harness.npz", tmp_path / "h.html", tmp_path / "figures"
+    made.save(path)
+    assert main(["report", str(path), "--branches", "-o", str(page)]) == 0
+    assert capsys.readouterr().out == f"{page}\n"
+    text = page.read_text("utf-8")
+    edges = re.findall(r"<td>([EJ]\d) to ([EJ]\d)</td>", text)
+    assert len(edges) == len(made.edges)
+    drawn = text.count('class="junction"')
+    assert drawn == len({name for pair in edges for name in pair if name[0] == "J"}) == 2
+    stages = re.findall(r"<tr><td>([a-z ]+)</td><td>[\d,]*</td><td>[\d,]*</td><td>", text)
+    assert {"extract", "filter", "register", "map", "places", "fit", "total"} <= set(stages)
+    assert main(["reconstruct", str(path), "--branches", "--figures", str(folder)]) == 0
+    names = [name.split("-")[1] for name in sorted(file.stem for file in folder.iterdir())]
+    assert names == ["raw", "filtered", "registered", "arcs", "ropes", "residuals", "uncertainty", "cameras"]
 
 
 @pytest.mark.parametrize(
