@@ -1,7 +1,7 @@
 """Graphs of random harnesses: what comes out right, by kind, views and noise.
 
 python benches/harnesses.py
-python benches/harnesses.py --no-radii
+python benches/harnesses.py --give nothing
 python benches/harnesses.py --first 1000 --scenes 50 --pictures out/harnesses
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lib.harness_judging import KINDS, draw_set, judge_harness, print_summary, reconstruct_harness
+from lib.harness_judging import GIVEN, KINDS, draw_set, judge_harness, print_summary, reconstruct_harness
 from lib.pictures import draw_graph, draw_scene
 from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
@@ -21,19 +21,19 @@ def main() -> int:
     parser.add_argument("--scenes", type=int, default=52, metavar="N", help="how many (default: 52)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
     parser.add_argument("--kind", choices=sorted(set(KINDS)), help="scenes of one kind")
-    parser.add_argument("--no-radii", action="store_true", help="do not give the radii that occur")
+    parser.add_argument("--give", choices=GIVEN, default="radii", help="what is given (default: radii)")
     parser.add_argument("--pictures", type=Path, metavar="DIR", help="draw the wrong answers here")
     parser.add_argument("--example", type=Path, metavar="PNG", help="only draw a harness for the docs here")
     arguments = parser.parse_args()
     if arguments.example is not None:
         made = harness("tree", seed=2, views=3)
-        draw_graph(made, reconstruct_harness(made, sorted(set(made.radii)))[0], arguments.example)
+        draw_graph(made, reconstruct_harness(made, sorted(set(made.radii)), None)[0], arguments.example)
         return 0
     kinds = KINDS if arguments.kind is None else (arguments.kind,)
     results = []
     print_head("scene", "noise", "graph", "junctions", "edges", "confidence", "CPU s", "no answer")
     for scene in draw_set(arguments.first, arguments.scenes, kinds):
-        judged, found = judge_harness(scene, reconstruct_harness, not arguments.no_radii)
+        judged, found = judge_harness(scene, reconstruct_harness, arguments.give)
         results.append(judged)
         print_row(
             judged.scene,

@@ -40,8 +40,11 @@ KINDS = (
 )
 """Kinds in the order in which a set takes turns; one in six is a rope or has an end laid on one."""
 
-Answer = Callable[[HarnessScene, "list[float] | None"], "tuple[Harness, float]"]
-"""Takes a scene and the radii that occur, or None; returns the graph and its confidence."""
+GIVEN = ("radii", "wire", "nothing")
+"""What may be given: the radii that occur and that of a wire, that of a wire alone, or neither."""
+
+Answer = Callable[[HarnessScene, "list[float] | None", "float | None"], "tuple[Harness, float]"]
+"""Takes a scene, the radii that occur and that of a wire, or None; returns the graph and its confidence."""
 
 
 @dataclass(frozen=True)
@@ -114,20 +117,26 @@ def draw_set(first: int, count: int, kinds: Sequence[str] = KINDS) -> Iterator[H
         yield harness(kind, seed=number, views=min(views, VIEWS[1]), camera=camera, mask=mask)
 
 
-def reconstruct_harness(scene: HarnessScene, radii: list[float] | None) -> tuple[Harness, float]:
+def reconstruct_harness(
+    scene: HarnessScene, radii: list[float] | None, wire: float | None
+) -> tuple[Harness, float]:
     """Return the graph that `strand.reconstruct` finds in a scene, and the confidence."""
-    model = strand.reconstruct(scene.views, radii, scene.bounds, branches=True)
+    model = strand.reconstruct(scene.views, radii, scene.bounds, branches=True, wire=wire)
     assert model.harness is not None
     return model.harness, model.confidence
 
 
-def judge_harness(scene: HarnessScene, answer: Answer, give_radii: bool) -> tuple[Judged, Harness | None]:
+def judge_harness(scene: HarnessScene, answer: Answer, given: str) -> tuple[Judged, Harness | None]:
     """Ask for the graph of a scene and compare it with the truth. Return it too."""
-    radii = sorted({round(radius, 5) for radius in scene.radii}) if give_radii else None
+    radii = sorted({round(radius, 5) for radius in scene.radii}) if given == "radii" else None
+    of_wires = [
+        radius / math.sqrt(wires) for radius, wires in zip(scene.radii, scene.wires, strict=True) if wires
+    ]
+    wire = round(float(np.median(of_wires)), 5) if of_wires and given != "nothing" else None
     _ = scene.views
     begun, found, confidence, error = time.process_time(), None, 0.0, ""
     try:
-        found, confidence = answer(scene, radii)
+        found, confidence = answer(scene, radii, wire)
     except strand.StrandError as raised:
         error = str(raised)
     seconds = time.process_time() - begun

@@ -13,6 +13,7 @@ from strand.reconstruction.evidence.confidence import compute_trust
 from strand.reconstruction.harness.strands import Strand
 from strand.reconstruction.harness.surface_map import SurfaceMap
 from strand.reconstruction.stages import Observed, Run
+from strand.reconstruction.tubes.clouds import Clouds
 from strand.reconstruction.tubes.method import find_chains
 from strand.ropes.chain import Chain
 from strand.ropes.contacts import Contact, find_contacts
@@ -20,6 +21,7 @@ from strand.ropes.crossings import find_crossings
 from strand.support.checks import Array
 
 _MAX_VIEWS = 3  # more hardly make chains surer
+_DENSER = 3  # points of a tube over those that tracing needs
 _MIN_TRUST = 0.8  # of chains that count
 _MEETING = 0.5  # gap between an end's axis and a strand's surface where they meet at most, radii
 _LEVEL = 0.5  # difference of their heights there at most, sums of their radii
@@ -61,14 +63,18 @@ def find_alone(observed: Observed, drawn: SurfaceMap, config: Config, run: Run) 
 
 
 def _take_few(observed: Observed) -> Observed:
-    """Return a few of the views, evenly spread, the held one among them."""
-    count = len(observed.views)
-    if count <= _MAX_VIEWS:
-        return observed
-    chosen = sorted((observed.held + count * turn // _MAX_VIEWS) % count for turn in range(_MAX_VIEWS))
+    """Return a few of the views, evenly spread, the held one among them, and as few of their points as do."""
+    count = min(len(observed.views), _MAX_VIEWS)
+    chosen = sorted(
+        (observed.held + len(observed.views) * turn // count) % len(observed.views) for turn in range(count)
+    )
+    views = [observed.views[place] for place in chosen]
+    step = max(Clouds.from_views(views, None).find_step(observed.radius) // _DENSER, 1)
+    if step > 1:
+        views = [view.select(np.arange(len(view.points)) % step == 0) for view in views]
     return replace(
         observed,
-        views=[observed.views[place] for place in chosen],
+        views=views,
         whole=[observed.whole[place] for place in chosen],
         numbers=[observed.numbers[place] for place in chosen],
         middle=observed.numbers[observed.held],

@@ -83,8 +83,7 @@ def _count_wires(
     """Return the wires of each strand, and doubts where they do not add up."""
     if wire is None:
         return [None] * len(graph.pairs), []
-    fit = harness.fitted.fit
-    radii = fit.radii[fit.radius_classes]
+    radii = harness.fitted.widths
     choice = choose_radii(radii, graph.pairs, list_bundles(wire))
     if choice.counts[0] is None:
         reason = (
@@ -102,7 +101,7 @@ def _count_wires(
 def _collect(harness: FoundHarness, scene: Scene) -> Found:
     """Return the parts of an answer that all methods have."""
     fit, views = harness.fitted.fit, scene.observed.views
-    starts = np.cumsum([len(view.points) for view in views])[:-1]
+    starts = np.cumsum(harness.fitted.sizes)[:-1]
     return Found(
         harness.fitted.chains,
         poses=[motion @ view.pose for motion, view in zip(fit.motions, views, strict=True)],

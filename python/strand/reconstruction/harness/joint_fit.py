@@ -21,8 +21,12 @@ from strand.reconstruction.tubes.tube_nodes import make_chains
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
 
+_DENSER = 3  # points that fits take over those that tracing needs
 _RADIUS_SD = 0.2  # radii: deviation of half widths of the mask from radii
-_SAME_SD = 0.003  # radii: deviation of radii that the caller gave
+_SAME_SD = 0.003  # radii: deviation of radii that were chosen
+_TUBE_SD = 0.05  # radii: deviation of radii of tubes fitted to points without noise
+_NOISY = 0.1  # noise that doubles it, radii
+_MASK_SD = 0.12  # radii: deviation of half widths of a strand's mask
 _ALONG = 0.05  # weight of a junction's place in the plan over that of strands
 _APART = 0.9  # distance of strands that are apart, sums of their radii
 _FARTHEST = 10.0  # distance from a junction at which strands tell where they meet at most, radii
@@ -43,6 +47,8 @@ class Fitted:
     Attributes
     ----------
     fit : TubeFit
+    sizes : list of int
+        How many of the fit's points each view has.
     chains : list of Chain
         One for each strand, from its first node to its last.
     places : (J, 3) ndarray
@@ -50,10 +56,11 @@ class Fitted:
     covariances : (J, 3, 3) ndarray
         Of these, m^2.
     widths : (K,) ndarray
-        The radius of each strand as measured on its own, metres.
+        The radius of each strand, metres: a given one, or by its own points and mask.
     """
 
     fit: TubeFit
+    sizes: list[int]
     chains: list[Chain]
     places: Array
     covariances: Array
@@ -66,6 +73,7 @@ def fit_harness(
     places: Array,
     motions: Array,
     radii: Array | None,
+    bundles: Array | None,
     config: Config,
 ) -> Fitted:
     """Fit strands and poses to the points of all views.
@@ -81,14 +89,16 @@ def fit_harness(
     motions : (V, 4, 4) ndarray
         Corrections of the poses to start from.
     radii : (K,) ndarray or None
-        The radii that ropes may have, metres; None if nobody knows.
+        The radii that ropes have, metres; None if nobody knows.
+    bundles : (K,) ndarray or None
+        The radii of round bundles of wires, metres, which strands have about, if they have none of `radii`.
     """
     try:
-        return _fit(clouds, strands, places, motions, radii, config)
+        return _fit(clouds, strands, places, motions, radii, bundles, config)
     except NotEnoughDataError:
-        if radii is None:
+        if radii is None and bundles is None:
             raise
-        return _fit(clouds, strands, places, motions, None, config)
+        return _fit(clouds, strands, places, motions, None, None, config)
 
 
 def _fit(
@@ -97,12 +107,16 @@ def _fit(
     places: Array,
     motions: Array,
     radii: Array | None,
+    bundles: Array | None,
     config: Config,
 ) -> Fitted:
     """Fit roughly, then each strand's radius, then all with the radii that were chosen."""
     start = np.array([strand.half_width for strand in strands])
-    if radii is not None:
-        start = _choose(radii, start)
+    # errors of near pixels are alike, so that more points say no more
+    clouds = clouds.thin(max(clouds.find_step(float(start.min())) // _DENSER, 1))
+    possible = radii if radii is not None else bundles
+    if possible is not None:
+        start = _choose(possible, start)
     curves = [_make_spline(strand, radius, config) for strand, radius in zip(strands, start, strict=True)]
     each = list(range(len(strands)))
     rough = fit_curves(
@@ -122,29 +136,34 @@ def _fit(
         tolerance=ROUGH_TOLERANCE,
         **along_ray,
     )
-    widths = np.array(alone.radii)
-    final = widths
-    if radii is not None:
-        chosen = choose_radii(widths, list_pairs(strands, len(places)), radii)
-        final = radii[chosen.numbers]
-    prior = np.column_stack([final, (_SAME_SD if radii is not None else _RADIUS_SD) * final])
-    fit = fit_curves(
-        clouds,
-        alone.curves,
-        each,
-        alone.motions,
-        final,
-        config,
-        radius_prior=prior,
-        uncertainty=True,
-        **along_ray,
-    )
+    widths = final = _weigh_radii(strands, alone, start)
+    deviation = _RADIUS_SD
+    for some, own_sd in ((radii, 0.0), (bundles, _SAME_SD)):
+        if some is None:
+            continue
+        chosen = choose_radii(widths, list_pairs(strands, len(places)), some)
+        final, deviation = some[chosen.numbers], max(own_sd, _SAME_SD if chosen.refused else 0.0)
+        if not chosen.refused:
+            break
+    held = deviation == 0.0
+    if not held:
+        along_ray["radius_prior"] = np.column_stack([final, deviation * final])
+    fit = fit_curves(clouds, alone.curves, each, alone.motions, final, config, uncertainty=True, **along_ray)
     parts = _cut(fit, strands)
     places, covariances, parts = _share_points(fit, parts, strands, places)
     closed = [strand.closed for strand in strands]
     chains = make_chains(fit, parts, closed, fit.radii_sd[fit.radius_classes], config)
     chains = [_bend_to(chain, strand, places) for chain, strand in zip(chains, strands, strict=True)]
-    return Fitted(fit, chains, places, covariances, widths)
+    sizes = [len(points) for points in clouds.points]
+    return Fitted(fit, sizes, chains, places, covariances, final if held else widths)
+
+
+def _weigh_radii(strands: Sequence[Strand], fit: TubeFit, radii: Array) -> Array:
+    """Return radii of strands by tubes and by masks: points with much noise make tubes too thick."""
+    masks = np.array([strand.half_width for strand in strands])
+    tube_sd = _TUBE_SD * (1.0 + (fit.sigma / (_NOISY * radii)) ** 2)
+    share = tube_sd**-2.0 / (tube_sd**-2.0 + _MASK_SD**-2.0)
+    return np.asarray(np.exp(share * np.log(fit.radii) + (1.0 - share) * np.log(masks)))
 
 
 def _choose(radii: Array, measured: Array) -> Array:

@@ -72,8 +72,8 @@ def find_harness(observed: Observed, config: Config, run: Run, wire: float | Non
         If the points show no ropes.
     """
     given = None if observed.radii.free or observed.radii.held else observed.radii.values
-    if wire is not None:
-        given = list_bundles(wire)
+    bundles = None if wire is None else list_bundles(wire)
+    possible = given if given is not None else bundles
     radii = (float(observed.radii.values.min()), float(observed.radii.values.max()))
     with run.stage("register"):
         ground = find_ground(observed, radii)
@@ -87,7 +87,7 @@ def find_harness(observed: Observed, config: Config, run: Run, wire: float | Non
                 "give bounds or masks of the ropes alone"
             )
         decided = decide_places(lines, drawn, ground.table is not None)
-        strands = follow_strands(lines, decided, drawn, given)
+        strands = follow_strands(lines, decided, drawn, possible)
         if not strands:
             raise NotEnoughDataError("views: the points make no strand; is the radius right, in metres?")
         _refuse_surfaces(strands, observed, radii[1])
@@ -100,7 +100,7 @@ def find_harness(observed: Observed, config: Config, run: Run, wire: float | Non
         clouds = Clouds(
             [_core.copy_constant(cloud) for cloud in ground.given], centers, observed.held, observed.bounds
         )
-        fitted = fit_harness(clouds, strands, places, ground.motions, given, config)
+        fitted = fit_harness(clouds, strands, places, ground.motions, given, bundles, config)
     return FoundHarness(drawn, ground, lines, decided, strands, places, fitted, alone is not None)
 
 

@@ -18,8 +18,8 @@ from strand.support.checks import Array
 _MAX_WIRES = 60  # of a strand
 _NEAREST = 4  # radii near a strand's own that are tried
 _OWN_SD = 0.05  # radii: standard deviation of measured radii
-_SHARED_SD = 0.06  # radii: that of an error that all strands share, as masks that are too wide
-_SHARED = np.exp(np.linspace(-2.0, 2.0, 9) * _SHARED_SD)
+_SHARED_SD = 0.12  # least radii: that of an error that all strands share, as masks that are too wide
+_SHARED = np.linspace(-3.0, 3.0, 25) * _SHARED_SD
 _UNEQUAL = 9.0  # cost of a junction at which squares do not add up
 _TOLERANCE = 0.04  # of the greatest square: squares that differ by less add up
 _REFUSED = 6.0  # mean cost of a strand: with more, these are no bundles of such wires
@@ -45,10 +45,14 @@ class Choice:
     cost: float
 
     @property
+    def refused(self) -> bool:
+        """Whether strands have none of the possible radii."""
+        return self.cost > _REFUSED
+
+    @property
     def counts(self) -> list[int | None]:
         """Numbers of wires, if the radii are those of 1, 2, 3 ... wires; None where they contradict it."""
-        refused = self.cost > _REFUSED
-        return [None if refused else int(number) + 1 for number in self.numbers]
+        return [None if self.refused else int(number) + 1 for number in self.numbers]
 
 
 def choose_radii(measured: Array, pairs: Sequence[tuple[int, int]], possible: Array) -> Choice:
@@ -67,12 +71,12 @@ def choose_radii(measured: Array, pairs: Sequence[tuple[int, int]], possible: Ar
     best: Choice | None = None
     least = np.inf
     for shared in _SHARED:
-        own = measured / shared
+        own = measured - shared * measured.min()
         misfits = ((possible[None] / own[:, None] - 1.0) / _OWN_SD) ** 2
         numbers = _find_best(misfits, at, possible**2)
         unequal = [node for node, strands in at.items() if not _add_up(possible[numbers[strands]] ** 2)]
         own_cost = misfits[np.arange(len(own)), numbers].sum()
-        cost = own_cost + _UNEQUAL * len(unequal) + (np.log(shared) / _SHARED_SD) ** 2
+        cost = own_cost + _UNEQUAL * len(unequal) + (shared / _SHARED_SD) ** 2
         if cost < least:
             best, least = Choice(numbers, unequal, float(own_cost) / max(len(own), 1)), cost
     assert best is not None
