@@ -138,7 +138,8 @@ def make_model_rows(
         for warning in model.warnings
     ]
     if track is not None and not track.ropes:
-        warnings.append((set(), "no rope: the tracker has found none so far"))
+        why = f": {track.reason}" if track.reason else ""
+        warnings.append((set(), f"no rope: the tracker has found none so far{why}"))
     for rope, chain in enumerate(model.chains) if model.chains else [(None, None)]:
         yield Row(
             recording,

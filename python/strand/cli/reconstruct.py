@@ -171,4 +171,4 @@ def _answer_frames(
     if not count:
         raise ValueError(describe_missing_frame(first, len(recording)))
     if not answered:
-        raise strand.NotEnoughDataError(f"none of {count} frames supports an answer")
+        raise strand.NotEnoughDataError(f"none of {count} frames supports an answer; the last one: {summary}")

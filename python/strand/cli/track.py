@@ -260,7 +260,9 @@ def _follow(
     if not counts.frames and options.frame:
         raise ValueError(f"--frame: {options.recording} has no frame from number {options.frame} on")
     if counts.bare + counts.failed == counts.frames:
-        raise strand.NotEnoughDataError(f"none of {counts.frames} frames supports an answer")
+        reason = counts.last.reason if counts.last is not None else ""
+        why = f"; the last one: {reason}" if reason else ""
+        raise strand.NotEnoughDataError(f"none of {counts.frames} frames supports an answer{why}")
 
 
 def _report_failed(

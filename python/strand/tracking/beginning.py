@@ -10,6 +10,7 @@ import numpy as np
 from strand.ropes.model import Model
 from strand.ropes.summary import ACT_CONFIDENCE
 from strand.support.checks import Array
+from strand.tracking.certainty import begin_certainty
 from strand.tracking.frame import Frame
 from strand.tracking.laying import fit_length, trim_ends
 from strand.tracking.masks import find_mask, learn_colors
@@ -19,6 +20,7 @@ from strand.tracking.rope_state import (
     RopeState,
     make_state,
     measure_arcs,
+    measure_offset,
     place_at,
     resample,
 )
@@ -27,7 +29,6 @@ ASKED = 8  # first frames that are asked until answers agree
 _AGREED = 3  # answers that agree
 _AGREED_SURE = 2  # likewise, if one of them is sure
 _SAME = 2.5  # radii: mean distance of two answers that agree
-_SHARES = 60  # places along a rope that are compared
 _OUTER = 6.0  # radii at each end that may be something else
 _OUTER_SHARE = 0.2  # of the length: likewise, at most
 _BEYOND = 24.0  # radii beyond the ends, up to where masks show a tip
@@ -104,13 +105,7 @@ def confirms(model: Model, ropes: Sequence[RopeState]) -> bool:
 
 def _is_among(nodes: Array, model: Model, radius: float) -> bool:
     """Tell whether a model has a chain along (N, 3) nodes, whichever way it runs."""
-    shares = np.linspace(0.0, 1.0, _SHARES)
-    line = resample(nodes, shares)
-    distances = []
-    for chain in model.chains:
-        points = resample(chain.points, shares)
-        distances += [np.linalg.norm(line - way, axis=1).mean() for way in (points, points[::-1])]
-    return bool(min(distances) <= _SAME * radius)
+    return min(measure_offset(nodes, chain.points) for chain in model.chains) <= _SAME * radius
 
 
 def begin_ropes(
@@ -132,7 +127,7 @@ def begin_ropes(
         # what was added beyond the chain's ends is below something
         to_chain = np.linalg.norm(state.nodes[:, None] - np.asarray(chain.points), axis=2).min(axis=1)
         state = replace(state, hidden=to_chain > chain.radius)
-        begun.append(replace(state, state=TRACKING if sure else TENTATIVE, confidence=chain.confidence))
+        begun.append(begin_certainty(replace(state, state=TRACKING if sure else TENTATIVE), chain))
     return tuple(begun)
 
 

@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 from strand._core import NotEnoughDataError
 from strand.geometry.plane import Plane
 from strand.reconstruction.pipeline import reconstruct
+from strand.ropes.chain import Chain
 from strand.ropes.model import Model
 from strand.tracking.beginning import confirms
+from strand.tracking.certainty import (
+    begin_certainty,
+    confirm_certainty,
+    contradict_certainty,
+    match_chains,
+)
 from strand.tracking.frame import Frame
 from strand.tracking.laying import trim_ends
+from strand.tracking.rope_state import RopeState
 from strand.tracking.settings import Settings
 from strand.tracking.stepping import REPLAY_STEPS, Step, step_ropes
 from strand.tracking.watching import Opinion, compare_opinion, is_doubtful
@@ -43,10 +52,34 @@ class _Pending:
 
 @dataclass(frozen=True, eq=False)
 class Entered:
-    """Another answer as it enters: the ropes as it has them, if it is taken, and whether it agrees."""
+    """Another answer as it enters.
+
+    Attributes
+    ----------
+    step : Step or None
+        The ropes as it has them, if it is taken.
+    agrees, dissents : bool
+        Whether it has the ropes as they were, or is sure and has them elsewhere.
+    confidence : float
+    chains : tuple of Chain
+        Its chain of each rope.
+    """
 
     step: Step | None
     agrees: bool
+    dissents: bool
+    confidence: float
+    chains: tuple[Chain, ...]
+
+    def weigh(self, ropes: Sequence[RopeState]) -> tuple[RopeState, ...]:
+        """Return the ropes with the confidence and the doubts that they have after the answer."""
+        if self.agrees:
+            return tuple(map(confirm_certainty, ropes, self.chains))
+        if self.step is not None:
+            return tuple(map(begin_certainty, ropes, self.chains))
+        if self.dissents:
+            return tuple(contradict_certainty(rope, self.confidence) for rope in ropes)
+        return tuple(ropes)
 
 
 class Opinions:
@@ -71,8 +104,8 @@ class Opinions:
         self._dissents = False
         self._unconfirmed = False
 
-    def ask(self, frame: Frame) -> Future[Model | None]:
-        """Reconstruct a frame on another thread."""
+    def ask(self, frame: Frame) -> Future[Model | str]:
+        """Reconstruct a frame on another thread; the answer may be why it has no ropes."""
         return self._second_thread.submit(_reconstruct, frame, self._settings)
 
     @property
@@ -121,12 +154,14 @@ class Opinions:
             return None
         model, opinion = answer
         before, self._dissents = self._dissents, opinion is not None and opinion.dissents
+        agrees = confirms(model, past[0].step.ropes)
         if opinion is None or not (opinion.is_better or (before and self._dissents)):
-            agrees = confirms(model, past[0].step.ropes)
             self._unconfirmed = self._unconfirmed and not agrees
-            return Entered(None, agrees)
+            chains = tuple(match_chains(model, past[0].step.ropes))
+            return Entered(None, agrees, self._dissents, model.confidence, chains)
         self._dissents, self._unconfirmed = False, True
-        return Entered(self._replay(past, opinion.step, table), False)
+        chains = tuple(match_chains(model, opinion.step.ropes))
+        return Entered(self._replay(past, opinion.step, table), agrees, False, model.confidence, chains)
 
     def _replay(self, past: list[_Past], step: Step, table: Plane | None) -> Step:
         """Return the ropes after the last frame, given those after the first one."""
@@ -143,13 +178,13 @@ def _compare(
 ) -> tuple[Model, Opinion | None] | None:
     """Reconstruct a frame, and compare the answer with the ropes after it."""
     model = _reconstruct(past.frame, settings)
-    if model is None:
+    if isinstance(model, str):
         return None
     return model, compare_opinion(model, past.frame, past.step, table, past.elapsed, doubted)
 
 
-def _reconstruct(frame: Frame, settings: Settings) -> Model | None:
-    """Return the ropes of a frame; None without open ones."""
+def _reconstruct(frame: Frame, settings: Settings) -> Model | str:
+    """Return the ropes of a frame, or why it has no open ones."""
     try:
         model = reconstruct(
             frame.given_views,
@@ -158,10 +193,10 @@ def _reconstruct(frame: Frame, settings: Settings) -> Model | None:
             config=settings.config,
             length=settings.length,
         )
-    except NotEnoughDataError:
-        return None
+    except NotEnoughDataError as error:
+        return str(error)
     if not model.chains or any(chain.closed for chain in model.chains):
-        return None
+        return "a rope is a ring, and a tracker follows open ropes only" if model.chains else "no chains"
     if not frame.is_masked:
         return model
     return replace(model, chains=tuple(trim_ends(chain, frame) for chain in model.chains))

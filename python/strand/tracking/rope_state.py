@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
 
+_SHARES = 60  # places along a rope that are compared
 SPACING = 2.6  # radii from node to node
 MIN_NODES = 10
 _FIRST_SD = 0.5  # radii: standard deviation of a node at the beginning
@@ -63,6 +65,10 @@ class RopeState:
         Which ends count as covered.
     end_counts : pair of int
         Frames in a row in which an end was not as it counts.
+    confidence : float
+        Of the surest reconstruction that has the rope, without hidden ends; NaN if it says none.
+    doubts : tuple of Doubt
+        Those of the same reconstruction.
     """
 
     number: int
@@ -85,6 +91,7 @@ class RopeState:
     confidence: float = float("nan")
     covered_ends: tuple[bool, bool] = (False, False)
     end_counts: tuple[int, int] = (0, 0)
+    doubts: tuple[Doubt, ...] = ()
     holds: tuple[Hold, ...] = ()
 
     @property
@@ -124,6 +131,13 @@ def resample(points: Array, shares: Array) -> Array:
     """Return (K, 3) places at shares (K,) of the length of (N, 3) points, from 0 to 1."""
     arcs = measure_arcs(points)
     return place_at(points, arcs, shares * arcs[-1])
+
+
+def measure_offset(nodes: Array, points: Array) -> float:
+    """Return how far apart two lines (N, 3), (K, 3) are on average, whichever way they run, metres."""
+    shares = np.linspace(0.0, 1.0, _SHARES)
+    line, other = resample(nodes, shares), resample(points, shares)
+    return min(float(np.linalg.norm(line - way, axis=1).mean()) for way in (other, other[::-1]))
 
 
 def place_at(points: Array, arcs: Array, s: Array) -> Array:

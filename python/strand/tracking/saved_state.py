@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from strand.geometry.plane import Plane
 from strand.support.checks import Array, describe_value
+from strand.tracking.certainty import pack_doubts, unpack_doubts
 from strand.tracking.events import WatchedCrossing
 from strand.tracking.holding import Held, Place
 from strand.tracking.masks import Appearance
@@ -38,6 +39,7 @@ def _pack_rope(rope: RopeState) -> dict[str, NDArray[Any]]:
             *rope.end_counts,
         ]
     )
+    packed["doubts"] = np.array(pack_doubts(rope.doubts))
     packed["optional"] = np.array(
         [np.nan if value is None else value for value in (rope.slid, *rope.covers)], dtype=float
     )
@@ -67,6 +69,7 @@ def _unpack_rope(packed: Mapping[str, NDArray[Any]]) -> RopeState:
         covers=tuple(covers),
         covered_ends=(bool(ends[0]), bool(ends[1])),
         end_counts=(ends[2], ends[3]),
+        doubts=unpack_doubts(str(packed["doubts"])) if "doubts" in packed else (),
         **found,
     )
 

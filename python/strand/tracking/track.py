@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from strand.geometry.plane import Plane
 from strand.ropes.chain import Chain
+from strand.ropes.doubt import ModelWarning
 from strand.ropes.model import Model
 from strand.support.checks import Array, freeze_array
 from strand.support.lazy import lazy_property
@@ -28,6 +29,7 @@ _HIDDEN_DEVIATIONS = 4.2  # likewise, of hidden nodes: their motion from frame t
 _ALONG_SD = 0.15  # radii: along the rope, where a tip is seen
 _ALONG_HIDDEN = 0.8  # radii: along the rope, where none is
 _ALONG_LENGTH = 0.25  # of the length's deviation: by which end arc lengths are off
+_MIN_WARNED = 0.1  # lesser doubts have no warning
 _AHEAD_SPEED = 0.5  # of the fastest speed, by the time ahead
 
 
@@ -118,6 +120,8 @@ class Track:
     up : (3,) ndarray
         Unit vector up from the table, world frame.
     table : Plane or None
+    reason : str
+        Why there are no ropes, as the last reconstruction said; empty with ropes, or if none was tried.
     """
 
     ropes: tuple[TrackedRope, ...]
@@ -127,15 +131,24 @@ class Track:
     unexplained: float
     up: Array
     table: Plane | None
+    reason: str = ""
 
     @lazy_property
     def model(self) -> Model:
         """The ropes as a `Model`, for its crossings, queries, grasps, pulls, files and exports."""
         sure = [rope.confidence for rope in self.ropes]
+        doubts = [(doubt, i) for i, rope in enumerate(self.ropes) for doubt in rope.doubts]
+        warnings = [
+            ModelWarning(doubt.kind, str(doubt), doubt.place, doubt.amount, (i,))
+            for doubt, i in doubts
+            if doubt.amount >= _MIN_WARNED
+        ]
         return Model(
             self.ropes,
             poses=np.empty((0, 4, 4)),
+            warnings=tuple(warnings),
             confidence=min(sure, default=float("nan")),
+            doubts=tuple(sorted((doubt for doubt, _ in doubts), key=lambda doubt: -doubt.amount)),
             up=self.up,
             table=self.table,
             stamp=self.time,
@@ -143,6 +156,7 @@ class Track:
 
     def __repr__(self) -> str:
         lines = [f"Track({self.time:.3f} s, ropes: {len(self.ropes)}, events: {len(self.events)})"]
+        lines += [f"  no rope: {self.reason}"] if self.reason else []
         return "\n".join(lines + [f"  {rope!r}" for rope in self.ropes])
 
 
@@ -162,6 +176,7 @@ def describe_rope(rope: RopeState, up: Array, ahead: float = 0.0) -> TrackedRope
         rope.radius,
         covariance=covariance,
         confidence=rope.confidence,
+        doubts=rope.doubts,
         up=up,
         label=rope.label,
         hidden_ends=rope.covered_ends,

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from strand.config import Config
 from strand.geometry.plane import Plane
-from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.ropes.model import Model
 from strand.support.checks import Array, check_integer, check_number, freeze_array
 from strand.tracking.beginning import (
@@ -23,6 +22,7 @@ from strand.tracking.beginning import (
     keep_order,
     make_beginning,
 )
+from strand.tracking.certainty import confirm_certainty, drop_settled, match_chains
 from strand.tracking.events import Event, WatchedCrossing, watch_crossings, watch_ends
 from strand.tracking.frame import Frame, check_frame, make_past_frame
 from strand.tracking.holding import Held, Place, check_reach, find_hold, find_rope, hold_place, place_holds
@@ -33,6 +33,7 @@ from strand.tracking.saved_state import SavedState, pack_state, unpack_state
 from strand.tracking.settings import check_settings
 from strand.tracking.states import confirm_state, judge_state, stop_rope
 from strand.tracking.stepping import Step, step_ropes
+from strand.tracking.table import find_table
 from strand.tracking.track import Track, describe_rope
 from strand.tracking.watching import is_doubtful
 from strand.views.view import View
@@ -40,8 +41,6 @@ from strand.views.view import View
 _INTERVAL = 1.0 / 30.0  # s between frames without times
 _MOST_AHEAD = 5.0  # s that a prediction goes ahead
 _TABLE_EVERY = 30  # frames between two looks for the table
-_SAME_TABLE = 0.01  # metres: a table that is found again is no farther off
-_SAME_NORMAL = 0.999  # cosine of the angle to its last normal
 _FIRST_FRAMES = 5  # frames in which the errors of depth are learned quickly
 _JUMP = 1.0  # s: after a longer gap between frames, ropes are sought anew
 _USUAL_RADIUS = 0.005  # metres, until a rope is found
@@ -104,6 +103,7 @@ class Tracker:
         self._count = 0
         self._answers: list[Beginning] = []
         self._chosen: Beginning | None = None
+        self._reason = ""
         self._step: Step | None = None
         self._opinions = Opinions(self._settings)
         self._crossings: tuple[WatchedCrossing, ...] = ()
@@ -344,14 +344,18 @@ class Tracker:
         if self._chosen is None or not agree(chosen.model, self._chosen.model):
             ropes = begin_ropes(chosen, self._settings.ropes, self._settings.lengths, certain)
             self._start(keep_order(self._ropes, ropes), chosen, frame)
-        elif certain:
+            return
+        self._ropes = tuple(map(confirm_certainty, self._ropes, match_chains(chosen.model, self._ropes)))
+        if certain:
             self._ropes = tuple(replace(rope, state=TRACKING) for rope in self._ropes)
 
     def _choose(self, frame: Frame) -> tuple[Beginning, bool] | None:
         """Ask a first frame; return the best answer so far, and whether it is certain."""
         found = self._opinions.ask(frame).result()
-        if found is None:
+        if isinstance(found, str):
+            self._reason = found
             return None
+        self._reason = f"{len(found.chains)} found, fewer than ropes = {self._settings.ropes}"
         self._answers = [*self._answers, make_beginning(found, frame)][-ASKED:]
         return choose_beginning(self._answers, self._settings.ropes)
 
@@ -368,6 +372,8 @@ class Tracker:
             if old.state == LOST and new.state == TRACKING:
                 self._events.append(Event("found", time, new.number))
         judged, ended = watch_ends(judged, time)
+        if any(event.kind == "end seen" for event in ended):
+            judged = tuple(map(drop_settled, judged))
         self._events += ended
         self._crossings, crossed = watch_crossings(self._crossings, judged, self._upwards, time, False)
         self._events += crossed
@@ -380,8 +386,8 @@ class Tracker:
         if entered is None:
             return
         if entered.step is None:
-            if entered.agrees:
-                self._ropes = tuple(confirm_state(rope) for rope in self._ropes)
+            ropes = map(confirm_state, self._ropes) if entered.agrees else self._ropes
+            self._ropes = entered.weigh(tuple(ropes))
             return
         pairs = zip(self._ropes, entered.step.ropes, strict=True)
         restarted = [new.number for old, new in pairs if new.generation != old.generation]
@@ -389,10 +395,18 @@ class Tracker:
         if restarted:
             self._crossings, _ = watch_crossings((), entered.step.ropes, self._upwards, frame.time, True)
         live = [
-            replace(new, state=old.state, covered_ends=old.covered_ends, end_counts=old.end_counts)
+            replace(
+                new,
+                state=old.state,
+                covered_ends=old.covered_ends,
+                end_counts=old.end_counts,
+                confidence=old.confidence,
+                doubts=old.doubts,
+            )
             for old, new in zip(self._ropes, entered.step.ropes, strict=True)
         ]
         self._take(replace(entered.step, ropes=tuple(live)))
+        self._ropes = entered.weigh(self._ropes)
 
     # what the frames show beside ropes
 
@@ -420,22 +434,11 @@ class Tracker:
         if self._count % _TABLE_EVERY and self._table is not None:
             return
         radius = self._settings.typical_radius or (self._ropes[0].radius if self._ropes else _USUAL_RADIUS)
-        for _, image, mask in frame.images:
-            if image.labels is None or not mask.any():
-                continue
-            table = find_table_beside_ropes(image, radius)
-            if table is None:
-                continue
-            old = self._table
-            if old is None or (
-                abs(old.offset - table.offset) < _SAME_TABLE
-                and float(old.normal @ table.normal) > _SAME_NORMAL
-            ):
-                self._table = table
-            return
+        self._table = find_table(frame, radius, self._table)
 
     def _answer(self, time: float, times: tuple[float, ...]) -> Track:
         events, self._events = tuple(self._events), []
         ropes = tuple(describe_rope(rope, self._upwards) for rope in self._ropes)
         bare = 0.0 if self._step is None else self._step.unexplained
-        return Track(ropes, events, time, times, bare, freeze_array(self._upwards), self._table)
+        reason = "" if ropes else self._reason
+        return Track(ropes, events, time, times, bare, freeze_array(self._upwards), self._table, reason)
