@@ -48,6 +48,14 @@ def _load_frame(options: argparse.Namespace, path: Path) -> Scene:
         return Scene(path.name, frame.views, None, None, files=recording.files)
 
 
+def find_frame_id(options: argparse.Namespace) -> str:
+    """Return the frame of the ropes: that of a recording's world, else "world"."""
+    if not is_recording(_get_only(options.scene)):
+        return "world"
+    with open_recording(options) as recording:
+        return recording.frame_id
+
+
 def choose_frames(options: argparse.Namespace, recording: Recording) -> tuple[int, int | None]:
     """Return the first frame, and that after the last one: of the recording, or of an episode of it."""
     number = options.frame or 0

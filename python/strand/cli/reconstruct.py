@@ -15,6 +15,7 @@ from strand.cli.arguments import choose_radius, collect_arguments, reconstruct_s
 from strand.cli.inputs import (
     choose_frames,
     describe_missing_frame,
+    find_frame_id,
     list_input_files,
     load_input,
     open_recording,
@@ -106,7 +107,7 @@ def _write_outputs(options: argparse.Namespace, model: strand.Model, scene: Scen
     """Write the requested files, and yield the path of each."""
     if options.out is not None:
         if _is_mcap(options.out):
-            write_mcap([model], options.out)
+            write_mcap([model], options.out, frame_id=find_frame_id(options))
         else:
             model.save(options.out)
         yield options.out
@@ -127,7 +128,8 @@ def _reconstruct_frames(options: argparse.Namespace, recording: Recording) -> No
     """Print a line for each frame, and write its model or the reason why it has none."""
     frames = _answer_frames(options, recording)
     if options.out is not None and _is_mcap(options.out):
-        write_mcap((model for _, model in frames if model is not None), options.out)
+        models = (model for _, model in frames if model is not None)
+        write_mcap(models, options.out, frame_id=recording.frame_id)
     else:
         with nullcontext() if options.out is None else replace_file(options.out) as file:
             for line, _ in frames:

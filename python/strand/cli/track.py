@@ -152,7 +152,7 @@ def run(options: argparse.Namespace) -> None:
         write_track_recording(film.tracks, options.rerun, numbers=film.numbers, clouds=film.clouds)
         print(options.rerun)
     if film is not None and options.mcap is not None:
-        write_mcap((track.model for track in film.tracks), options.mcap)
+        write_mcap((track.model for track in film.tracks), options.mcap, frame_id=source.frame_id)
         print(options.mcap)
     if columns is not None:
         print(options.lerobot)

@@ -69,6 +69,14 @@ class FrameSource:
         own = map(Path, list_files(self._unit.path, self._unit.kind))
         self.files = (*own, *(path for paths in self._beside.values() for path in paths))
 
+    @property
+    def frame_id(self) -> str:
+        """The frame of the ropes, for messages."""
+        if self._unit.kind != BAG:
+            return "world"
+        with open_bag(self._unit.path, self.settings) as recording:
+            return recording.frame_id
+
     def __iter__(self) -> Iterator[tuple[int, Callable[[], FrameInput]]]:
         """Yield the number of each frame, and a function that reads it."""
         for unit in self._units:

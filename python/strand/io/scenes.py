@@ -42,6 +42,7 @@ _IMAGES = {
     "occluders": ("?bBhHiIlLqQ", "of bools or whole numbers"),
 }
 _COPIED = 9  # bytes of an element of other arrays that is checked: a float64 and a bool
+_PICTURES = (".jpg", ".jpeg", ".bmp", ".ppm", ".webp")  # suffixes of images without depth
 _MAX_NAME = 1 << 16  # longest name, bytes
 
 
@@ -207,18 +208,19 @@ def load_scene(
         return Scene(
             path.stem, (view,), None, None, files=(path, *(one for files in given.values() for one in files))
         )
+    if not path.is_dir() and suffix not in (".toml", ".npz") and path.exists():
+        picture = f"a {suffix[1:].upper()} image holds colours but no depth; " if suffix in _PICTURES else ""
+        raise FileFormatError(
+            path,
+            f"{picture}expected a folder with a scene.toml, or a .toml, .npz, {', '.join(SUFFIXES)} file; "
+            f"recordings are {', '.join(RECORDED)} files, folders of ROS 2 bags, or LeRobot data sets",
+        )
     camera.refuse(f"accepted only for a single file of points or depth; {path} has its own cameras")
     if path.is_dir():
         return _load_description(path / "scene.toml", given, budget, outside)
     if suffix == ".toml":
         return _load_description(path, given, budget, outside)
-    if suffix == ".npz" or not path.exists():
-        return _load_archive(path, given, budget)
-    raise FileFormatError(
-        path,
-        f"expected a folder with a scene.toml, or a .toml, .npz, {', '.join(SUFFIXES)} file; recordings are "
-        f"{', '.join(RECORDED)} files, folders of ROS 2 bags, or LeRobot data sets",
-    )
+    return _load_archive(path, given, budget)
 
 
 def _load_archive(path: Path, given: Mapping[str, Sequence[Path]], budget: Budget) -> Scene:

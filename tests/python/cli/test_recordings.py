@@ -55,6 +55,10 @@ def test_several_cameras_and_an_output_file(tmp_path, capsys):
     out = tmp_path / "model.json"
     command = ["reconstruct", str(path), "--topic", "/camera_*", *WORLD, *RADIUS, *BOUNDS, "-o", str(out)]
     assert main([*command, "--ropes", "1", "--figures", str(tmp_path / "figures")]) == 0
+    with strand.Recording(path, ["/camera_0*"], world="camera_1") as one:
+        assert one.frame_id == "camera_1"
+    with strand.Recording(path, ["/camera_0*"], poses=[np.eye(4)]) as one:
+        assert one.frame_id == "world"
     printed = capsys.readouterr().out.splitlines()
     assert str(out) in printed
     assert len(list((tmp_path / "figures").glob("*.png"))) > 3
@@ -128,8 +132,12 @@ def test_frames_are_scene_updates_at_their_times(tmp_path, capsys):
     for answer, (_, update) in zip(answers, found, strict=True):
         points = [[one[axis] for axis in "xyz"] for one in update["entities"][0]["lines"][0]["points"]]
         np.testing.assert_allclose(points, answer["model"]["chains"][0]["points"], atol=1e-6)
-    # one frame, and a scene without a time
-    assert main(["reconstruct", str(path), *KNOWN, "-o", str(out)]) == 0
+    assert {update["entities"][0]["frame_id"] for _, update in found} == {"world"}
+    # one frame in the frame of its camera, and a scene without a time
+    assert main(["reconstruct", str(path), *RADIUS, "-o", str(out)]) == 0
+    with out.open("rb") as file:
+        (update,) = (json.loads(message.data) for *_, message in make_reader(file).iter_messages())
+    assert update["entities"][0]["frame_id"] == "camera"
     SCENE.save(tmp_path / "scene.npz")
     assert main(["reconstruct", str(tmp_path / "scene.npz"), "-o", str(out)]) == 0
     with out.open("rb") as file:

@@ -211,6 +211,13 @@ def test_a_page_is_written_along(made, frames, tmp_path, capsys):
     assert main([*words, "--report", str(page), "--mcap", str(updates)]) == 0
     assert capsys.readouterr().out.splitlines()[-2:] == [str(page), str(updates)]
     assert updates.read_bytes().count(b'"id": "rope_0"') == 3
+    assert b'"frame_id": "world"' in updates.read_bytes()
+    bag = str(record(tmp_path / "bag", frames[:3]))
+    known = ["--topic", "/camera_0/depth", "--radius", f"{made.radius}", "--mcap", str(updates)]
+    for world in ([], ["--world", "camera_1"]):
+        assert main(["track", bag, *known, *world]) == 0
+        frame_id = world[1] if world else "camera_0"
+        assert f'"frame_id": "{frame_id}"'.encode() in updates.read_bytes()
     text = page.read_text("utf-8")
     assert "<h1>depth</h1>" in text
     assert "3 frames in 0.07 s; rope 0: " in text

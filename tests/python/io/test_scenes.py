@@ -125,6 +125,12 @@ def test_other_kind_of_file(tmp_path):
         load_scene(tmp_path / "a.obj")
 
 
+def test_a_picture_has_no_depth(tmp_path):
+    (tmp_path / "a.jpg").write_bytes(b"")
+    with pytest.raises(FileFormatError, match=r"a\.jpg: a JPG image holds colours but no depth; expected"):
+        load_scene(tmp_path / "a.jpg", intrinsics=np.eye(3), depth_scale=0.001)
+
+
 @pytest.mark.parametrize("suffix", ["png", "npy", "ply"])
 def test_views_file_missing_or_empty(tmp_path, suffix):
     folder = write_scene(tmp_path, f"a.{suffix}")

@@ -24,7 +24,7 @@ from strand.io.recordings.message import MESSAGE_BYTES, Message
 from strand.io.recordings.message_views import FindColors, make_view
 from strand.io.recordings.synchronization import find_last_uses, find_nearest, match_messages
 from strand.io.recordings.topics import choose_topics, read_depth_topic
-from strand.io.recordings.transforms import TF_KINDS, Transforms, read_stamp
+from strand.io.recordings.transforms import TF_KINDS, Transforms, read_stamp, strip_slash
 from strand.support.checks import Array
 from strand.support.files import FileFormatError
 from strand.support.lazy import lazy_property
@@ -69,6 +69,13 @@ class BagFrames:
     def close(self) -> None:
         """Close the file."""
         self._bag.close()
+
+    @property
+    def frame_id(self) -> str:
+        """The frame of the views' world."""
+        first = None if self._world or self._poses[0] is not None else self._bag.find_first(self.topics[0])
+        own = "" if first is None else strip_slash(first.message.header.frame_id)
+        return self._world or own or "world"
 
     @property
     def most_frames(self) -> int:

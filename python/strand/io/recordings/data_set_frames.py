@@ -32,6 +32,7 @@ class DataSetFrames:
                 "world: a LeRobot data set has no TF; expected poses, or the only camera's frame"
             )
         self.path = path
+        self.frame_id = "world"  # LeRobot names no frames
         self._data = DataSet(path, options.max_bytes)
         self._closed = False
         self.episodes = self._data.episodes.ranges

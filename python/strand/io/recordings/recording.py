@@ -47,6 +47,9 @@ class _Frames(Protocol):
     def close(self) -> None: ...
 
     @property
+    def frame_id(self) -> str: ...
+
+    @property
     def most_frames(self) -> int: ...
 
     @property
@@ -179,6 +182,11 @@ class Recording:
     def __len__(self) -> int:
         """Return the number of frames; the first call reads the time stamps of the whole file."""
         return len(self.stamps)
+
+    @property
+    def frame_id(self) -> str:
+        """The frame of the views' world, for messages: `world`, the only camera's frame, or "world"."""
+        return self._frames.frame_id
 
     @property
     def most_frames(self) -> int:
