@@ -14,14 +14,16 @@ from strand.cli import values
 from strand.cli.model_output import print_remarks
 from strand.cli.outputs import require_folder
 from strand.cli.progress import show_progress
+from strand.cli.terminal import print_message
 from strand.report import figures, tables
 from strand.support.extras import import_extra
-from strand.support.files import write_bytes
+from strand.support.files import check_suffix, require_writable, write_bytes
 
 DESCRIPTION = """\
 Simulate the published experiment (one string, seven views), reconstruct it
 with the default and the published method, and compare both with the truth.
-With --simulate, also lay the rope on a table in MuJoCo and open its viewer."""
+With --simulate, also lay the rope on a table in MuJoCo and open its viewer.
+With --recording, only write a recording to try the other commands with."""
 
 _TABLE = b"""<mujoco>
   <include file="rope.xml"/>
@@ -31,6 +33,8 @@ _TABLE = b"""<mujoco>
   </worldbody>
 </mujoco>
 """
+_MOTION = "carry"  # kind of the sequence that is recorded
+_FRAMES = 30  # of the recording: 46 MB
 _SECONDS = 1.0  # of simulation before the viewer opens
 
 
@@ -51,13 +55,24 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help='show the rope in MuJoCo, which the extra "simulate" installs',
     )
+    command.add_argument(
+        "--recording",
+        type=values.parse_path,
+        metavar="FILE",
+        help="only write this .mcap file of ROS 2: one second of a gripper that carries a rope, with depth, "
+        "colours, CameraInfo and TF",
+    )
 
 
 def run(options: argparse.Namespace) -> None:
     """Simulate the published experiment, reconstruct it with both methods, and compare with the truth."""
+    if options.recording is not None:
+        _write_recording(options.recording, options.seed)
+        return
     require_folder(options.out)
     if options.simulate:
         import_extra("mujoco")  # report a missing package before the work
+    draws = _can_draw()
     with show_progress("simulate"):
         scene = strand.synthetic.scene("paper", seed=options.seed)
     methods = {
@@ -84,15 +99,38 @@ def run(options: argparse.Namespace) -> None:
         found.append(model)
         folder.mkdir(parents=True, exist_ok=True)
         model.save(folder / "model.json")
-        with show_progress("figures"):
-            drawn = figures.write_figures(model, folder, scene.truth)
-        written += [folder / "model.json", *drawn]
+        written.append(folder / "model.json")
+        if draws:
+            with show_progress("figures"):
+                written += figures.write_figures(model, folder, scene.truth)
     if options.simulate:
         written += _write_simulation(found[0], options.out)
     for path in written:
         print(path)
     if options.simulate:
         _simulate(written[-1])
+
+
+def _can_draw() -> bool:
+    """Tell whether figures can be drawn, and say how if they cannot."""
+    try:
+        import_extra("matplotlib")
+    except ImportError as error:
+        print_message(f"strand: warning: no figures: {error}")
+        return False
+    return True
+
+
+def _write_recording(path: Path, seed: int) -> None:
+    """Write a recording, and print commands that read it."""
+    check_suffix(path, ("mcap",))
+    require_writable(path)
+    with show_progress("simulate"):
+        made = strand.synthetic.sequence(_MOTION, seed, frames=_FRAMES, color=True)
+        made.save(path)
+    known = f"{path} --world table --radius {1e3 * made.radius:.2f}mm"
+    print(f"{path}\n\nstrand info {path}\nstrand reconstruct {known}")
+    print(f"strand track {known} --ropes 1 -o tracks.parquet --report tracks.html")
 
 
 def _write_simulation(model: strand.Model, folder: Path) -> list[Path]:

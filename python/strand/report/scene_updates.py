@@ -12,7 +12,6 @@ import numpy as np
 
 from strand._core import __version__
 from strand.report.drawn_chains import close_path, pick_color
-from strand.report.mcap_file import McapFile
 from strand.report.scene_arrows import draw_direction, draw_grasps, draw_pulls, make_point
 from strand.report.tracks import TrackedRope, cut_rope
 from strand.ropes.chain import Chain
@@ -28,6 +27,7 @@ from strand.support.checks import (
     check_text,
 )
 from strand.support.files import check_suffix, replace_file
+from strand.support.mcap_file import Channel, McapFile
 from strand.support.stamps import SECOND, count_nanoseconds
 
 Message = dict[str, Any]
@@ -104,7 +104,8 @@ def write_mcap(
     before: list[str] = []
     unstamped = False
     with replace_file(place) as file:
-        written = McapFile(file, topic, _KIND, json.dumps(_make_schema()).encode(), f"strand {__version__}")
+        channel = Channel(topic, _KIND, json.dumps(_make_schema()).encode())
+        written = McapFile(file, [channel], f"strand {__version__}")
         for number, model in enumerate(models):
             if not isinstance(model, Model):
                 raise TypeError(f"models[{number}]: expected a Model, got {type(model).__name__}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
@@ -13,6 +14,7 @@ from strand.support.checks import Array, check_bool, check_choice, check_integer
 from strand.synthetic.camera import camera_pose, find_device
 from strand.synthetic.depth_camera import DepthCamera
 from strand.synthetic.grippers import GRIPPER_HEIGHT
+from strand.synthetic.recorded import save_recording
 from strand.synthetic.rope_motion import simulate
 from strand.synthetic.sequence_covers import Cover, draw_bar, draw_blackout, draw_post
 from strand.synthetic.sequence_frames import SIZE, SequenceFrame, Stage, draw_frame
@@ -92,6 +94,28 @@ class SyntheticSequence:
             raise IndexError(f"number: expected at most {len(self) - 1}, got {at}")
         number = at % len(self)
         return draw_frame(self._stage, number, float(self.times[number]), self.nodes[number])
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write an MCAP file of ROS 2 that `strand.Recording` reads, such as a camera's driver records.
+
+        Topics are `/camera/depth/image_raw` (16UC1, whole millimetres), `/camera/color/image_raw` of the same
+        pixels if the sequence has colour, their CameraInfo, and the camera's pose in the frame `table`, which
+        is the world, in `/tf_static`. Several cameras are `camera_0`, `camera_1` and so on. A frame takes
+        0.6 MB, and 1.5 MB with colour.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The .mcap file to write or replace.
+
+        Raises
+        ------
+        ValueError
+            If the name does not end with .mcap.
+        OSError
+            If the file cannot be written.
+        """
+        save_recording(self, path)
 
 
 def sequence(

@@ -101,6 +101,29 @@ def test_demo_lays_the_rope_on_a_table_in_mujoco(tmp_path, monkeypatch, capsys, 
     assert ("the viewer did not open, which needs a screen" in err) is not screen
 
 
+def test_demo_without_matplotlib_writes_the_rest(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert main(["demo", "--out", str(tmp_path)]) == 0
+    out, err = capsys.readouterr()
+    assert re.search(r"warning: no figures: matplotlib is needed here: pip install", err)
+    assert err.index("no figures") < err.index("extract")
+    assert "RMS distance from truth" in out
+    assert sorted(path.name for path in tmp_path.rglob("*.*")) == ["model.json", "model.json"]
+
+
+def test_demo_records_a_carried_rope_that_the_commands_read(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(demo_command, "_FRAMES", 5)
+    assert main(["demo", "--recording", "rope.bag"]) == 2
+    assert main(["demo", "--recording", "rope.mcap"]) == 0
+    commands = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("strand ")]
+    assert [words[1] for words in commands] == ["info", "reconstruct", "track"]
+    for words in commands:
+        assert main(words[1:]) == 0
+    assert "rope 0: " in capsys.readouterr().out
+    assert {path.name for path in tmp_path.iterdir()} == {"rope.mcap", "tracks.parquet", "tracks.html"}
+
+
 def test_demo_says_how_to_install_mujoco(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     assert main(["demo", "--out", str(tmp_path / "out"), "--simulate"]) == 3

@@ -22,8 +22,8 @@ from strand.io.recordings.mcap_records import (
     walk_records,
 )
 from strand.io.recordings.unpacking import Limits
-from strand.report.mcap_file import McapFile
 from strand.report.scene_updates import _make_schema
+from strand.support.mcap_file import Channel, McapFile
 from strand.support.mcap_format import CHUNK, MESSAGE, RECORD
 
 R = 0.004
@@ -159,7 +159,7 @@ def test_messages_have_all_fields_of_the_schema(tmp_path):
 def test_the_package_mcap_reads_the_file_and_its_index(tmp_path):
     path = tmp_path / "a.mcap"
     with open(path, "wb") as file:
-        written = McapFile(file, "/ropes", "kind", b"{}", "strand")
+        written = McapFile(file, [Channel("/ropes", "kind", b"{}")], "strand")
         sent = [(time, b"%d" % time * 4000) for time in range(1000, 1400)]  # chunks end in between
         for time, data in sent:
             written.add(time, data)

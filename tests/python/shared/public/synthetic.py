@@ -69,6 +69,9 @@ def _list_scenes(folder: Path) -> dict[str, Call]:
             {"kind": "still", **seed, "camera": "d435", "views": 1, "frames": 1, "color": False},
         ),
         "synthetic.SequenceFrame.view": Call(make_frame().view, {"camera": 0, "occluders": False}),
+        "synthetic.SyntheticSequence.save": Call(
+            synthetic.sequence("still", frames=1).save, {"path": folder / "saved.mcap"}
+        ),
         "synthetic.SyntheticScene.save": Call(save, {"path": folder / "saved.npz"}),
         "synthetic.paint_scene": Call(
             synthetic.paint_scene,
