@@ -39,7 +39,9 @@ def describe_arguments(options: argparse.Namespace, scene: Scene) -> dict[str, s
     radius, bounds = choose_radius(options, scene), _choose_bounds(options, scene)
     given = {
         "scene": f"{options.scene[0]}",
-        "radius": "not given: estimated" if radius is None else f"{radius * 1e3:.2f} mm",
+        "radius": "not given: estimated"
+        if radius is None
+        else ", ".join(f"{one * 1e3:.2f} mm" for one in np.atleast_1d(radius).tolist()),
         "ropes": "not given" if options.ropes is None else f"{options.ropes}",
         "lengths": ", ".join(f"{length * 1e3:.0f} mm" for length in options.length or ()) or "not given",
         "extraction range": "not given",
@@ -50,9 +52,10 @@ def describe_arguments(options: argparse.Namespace, scene: Scene) -> dict[str, s
     return given
 
 
-def choose_radius(options: argparse.Namespace, scene: Scene) -> float | None:
-    """Return the ropes' radius, metres; None if neither the user nor the scene gives it."""
-    return scene.radius if options.radius is None else options.radius
+def choose_radius(options: argparse.Namespace, scene: Scene) -> float | list[float] | None:
+    """Return the ropes' radius or radii, metres; None if neither the user nor the scene gives them."""
+    given: float | list[float] | None = options.radius
+    return scene.radius if given is None else given
 
 
 def _choose_bounds(options: argparse.Namespace, scene: Scene | None) -> Bounds | None:

@@ -151,8 +151,10 @@ def add_ropes(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--radius",
         type=values.parse_length,
+        action=values.Repeated,
         metavar="LENGTH",
-        help="the ropes' radius, such as 4.2mm (default: the scene's, else estimated)",
+        help="the ropes' radius, such as 4.2mm; once for each radius if ropes differ (default: the scene's, "
+        "else estimated)",
     )
     command.add_argument(
         "--ropes", type=int, metavar="N", help="number of ropes (default: as many as the data show)"

@@ -11,6 +11,8 @@ from pathlib import Path
 from strand.ropes.model import SUFFIXES
 from strand.support.files import check_suffix, require_writable
 
+_SINGLE = (".ply", ".usda", ".graphml")  # suffixes of files with one frame
+
 
 def check_outputs(options: argparse.Namespace, inputs: Sequence[Path]) -> None:
     """Refuse outputs that `strand reconstruct` cannot write.
@@ -22,21 +24,27 @@ def check_outputs(options: argparse.Namespace, inputs: Sequence[Path]) -> None:
     OSError
         If a file cannot be written.
     """
-    outputs = {"--out": options.out, "--tube": options.tube}
+    outputs = {"--out": options.out, "--tube": options.tube, "--report": options.report}
     protect_inputs(inputs, outputs, options.figures)
     given = [path for path in outputs.values() if path is not None]
     if len({os.path.realpath(path) for path in given}) < len(given):
-        raise ValueError(f"--tube: expected another file than --out, got {options.tube}")
+        raise ValueError(f"{', '.join(outputs)}: expected different files, got one of them twice")
     for path in given:
         require_writable(path)
     if options.figures is not None:
         require_folder(options.figures)
-    if options.out is not None and options.every is None:
-        check_suffix(options.out, (*SUFFIXES, "mcap"))
+    if options.out is not None:
+        more = ("mcap", *(("graphml",) if options.branches else ()))
+        if options.every is None:
+            check_suffix(options.out, (*SUFFIXES, *more))
+        elif options.out.suffix.lower() in _SINGLE:
+            raise ValueError(
+                f"--out: with --every, expected a .csv, .mcap or .jsonl file, got {options.out}, of one frame"
+            )
     if options.tube is not None:
         check_suffix(options.tube, ("ply",))
     if options.every is not None:
-        for option in ("tube", "figures"):
+        for option in ("tube", "report", "figures"):
             if vars(options)[option] is not None:
                 raise ValueError(f"--{option}: for one frame only; --every asks for several")
 

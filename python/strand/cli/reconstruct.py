@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
+from typing import NamedTuple
 
 import strand
 from strand.cli import values
@@ -24,16 +25,28 @@ from strand.cli.model_output import print_json, print_remarks
 from strand.cli.options import add_priors, add_scene
 from strand.cli.outputs import check_outputs
 from strand.cli.progress import show_progress
+from strand.cli.report import write_page
 from strand.io.recordings import Recording
 from strand.io.scenes import Scene
 from strand.report import figures, tables
+from strand.report.frame_table import format_frame, format_head
 from strand.report.scene_updates import write_mcap
 from strand.ropes.model import describe_model
+from strand.support.extras import import_extra
 from strand.support.files import replace_file
 
 DESCRIPTION = """\
 Reconstruct the ropes of a scene, and print them with warnings and doubts.
 `strand info SCENE` shows which options it needs."""
+
+
+class _Answer(NamedTuple):
+    """A frame's number and time, its line of JSON, and why it has no model."""
+
+    number: int
+    stamp: int
+    line: str
+    error: str
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -45,8 +58,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         type=values.parse_path,
         metavar="MODEL",
         help="write the model: .json, .csv (one row per node), .ply (one polyline per rope) or .usda "
-        "(deformable curves), or .mcap for the viewer Foxglove; with --every, .mcap has all frames, and any "
-        "other file one line of JSON per frame",
+        "(deformable curves), or .mcap for the viewer Foxglove; with --branches also .graphml; with --every, "
+        ".mcap has all frames, .csv one row per rope and frame, .json or .jsonl one line of JSON per frame",
     )
     command.add_argument(
         "--tube",
@@ -67,6 +80,9 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="print only the model, as its .json file holds it; with --every, one line per frame",
     )
     command.add_argument(
+        "--report", type=values.parse_path, metavar="PAGE", help="write an HTML page, as `strand report` does"
+    )
+    command.add_argument(
         "--figures", type=values.parse_path, metavar="DIR", help="draw every stage into this folder"
     )
 
@@ -80,7 +96,10 @@ def run(options: argparse.Namespace) -> None:
         return
     scene = load_input(options)
     check_outputs(options, list_input_files(options, scene))
-    model = reconstruct_scene(options, scene, keep_stages=options.figures is not None)
+    if options.report is not None:
+        import_extra("plotly.offline")  # report a missing package before the work
+    drawn = options.figures is not None or options.report is not None
+    model = reconstruct_scene(options, scene, keep_stages=drawn)
     if options.json:
         print_json(model)
         print_remarks(model, doubts=True)
@@ -106,43 +125,52 @@ def _print_tables(model: strand.Model, estimated: bool) -> None:
 def _write_outputs(options: argparse.Namespace, model: strand.Model, scene: Scene) -> Iterator[Path]:
     """Write the requested files, and yield the path of each."""
     if options.out is not None:
-        if _is_mcap(options.out):
+        if _has_suffix(options.out, "mcap"):
             write_mcap([model], options.out, frame_id=find_frame_id(options))
+        elif _has_suffix(options.out, "graphml") and model.harness is not None:
+            model.harness.save(options.out)
         else:
             model.save(options.out)
         yield options.out
     if options.tube is not None:
         model.save_tube(options.tube)
         yield options.tube
+    if options.report is not None:
+        write_page(options, scene, model, options.report)
+        yield options.report
     if options.figures is not None:
         with show_progress("figures"):
             drawn = figures.write_figures(model, options.figures, scene.truth)
         yield from drawn
 
 
-def _is_mcap(path: Path) -> bool:
-    return path.suffix.lower() == ".mcap"
+def _has_suffix(path: Path | None, suffix: str) -> bool:
+    return path is not None and path.suffix.lower() == f".{suffix}"
 
 
 def _reconstruct_frames(options: argparse.Namespace, recording: Recording) -> None:
     """Print a line for each frame, and write its model or the reason why it has none."""
     frames = _answer_frames(options, recording)
-    if options.out is not None and _is_mcap(options.out):
+    if options.out is not None and _has_suffix(options.out, "mcap"):
         models = (model for _, model in frames if model is not None)
         write_mcap(models, options.out, frame_id=recording.frame_id)
     else:
+        table = _has_suffix(options.out, "csv")
         with nullcontext() if options.out is None else replace_file(options.out) as file:
-            for line, _ in frames:
+            if file is not None and table:
+                file.write(format_head())
+            for answer, model in frames:
                 if file is not None:
-                    file.write(line.encode() + b"\n")
+                    row = format_frame(answer.number, answer.stamp, model, answer.error)
+                    file.write(row if table else answer.line.encode() + b"\n")
     if options.out is not None and not options.json:
         print(options.out)
 
 
 def _answer_frames(
     options: argparse.Namespace, recording: Recording
-) -> Iterator[tuple[str, strand.Model | None]]:
-    """Print a line for each frame; yield its line of JSON, and its model if it supports one."""
+) -> Iterator[tuple[_Answer, strand.Model | None]]:
+    """Print a line for each frame; yield its answer, and its model if it supports one."""
     arguments = collect_arguments(options)
     previous, answered, count = None, False, 0
     first, stop = choose_frames(options, recording)
@@ -169,7 +197,7 @@ def _answer_frames(
         if model is not None:
             previous, answered = model, True
             print_remarks(model, f"frame {frame.number}: ")
-        yield line, model
+        yield _Answer(frame.number, frame.stamp, line, "" if model is not None else summary), model
     if not count:
         raise ValueError(describe_missing_frame(first, len(recording)))
     if not answered:

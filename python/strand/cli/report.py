@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from strand.cli import values
 from strand.cli.arguments import describe_arguments, reconstruct_scene
@@ -11,7 +12,9 @@ from strand.cli.model_output import print_remarks
 from strand.cli.options import add_priors, add_scene
 from strand.cli.outputs import protect_inputs
 from strand.cli.progress import show_progress
+from strand.io.scenes import Scene
 from strand.report import page
+from strand.ropes.model import Model
 from strand.support.extras import import_extra
 from strand.support.files import require_writable
 
@@ -38,7 +41,12 @@ def run(options: argparse.Namespace) -> None:
     require_writable(options.out)
     model = reconstruct_scene(options, scene, keep_stages=True)
     print_remarks(model)
+    write_page(options, scene, model, options.out)
+    print(options.out)
+
+
+def write_page(options: argparse.Namespace, scene: Scene, model: Model, path: Path) -> None:
+    """Write the page about a scene, with the values that the user or the scene gave."""
     given = describe_arguments(options, scene)
     with show_progress("page"):
-        page.write_report(model, scene.views, options.out, title=scene.name, given=given, truth=scene.truth)
-    print(options.out)
+        page.write_report(model, scene.views, path, title=scene.name, given=given, truth=scene.truth)

@@ -4,8 +4,19 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from strand.io import scene_description
+
+
+class Repeated(argparse.Action):
+    """An option whose value is a list if it is given more than once."""
+
+    def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option: Any = None) -> None:
+        """Keep a value beside the earlier ones."""
+        before = getattr(namespace, self.dest)
+        every = [*(before if isinstance(before, list) else [before]), values]
+        setattr(namespace, self.dest, values if before is None else every)
 
 
 def parse_path(text: str) -> Path:
@@ -39,5 +50,7 @@ def parse_intrinsics(text: str) -> tuple[float, ...] | Path:
     except ValueError:
         return parse_path(text)
     if len(numbers) != 4:
-        raise argparse.ArgumentTypeError(f"expected fx,fy,cx,cy or a file, got {text!r}")
+        raise argparse.ArgumentTypeError(
+            f"expected fx,fy,cx,cy with commas and no spaces, or a file, got {text!r}"
+        )
     return numbers

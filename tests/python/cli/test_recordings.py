@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 
@@ -231,3 +232,33 @@ def test_invalid_lines_are_named(tmp_path, line, reason):
     with pytest.raises(FileFormatError, match=reason) as caught:
         list(load_frames(path))
     assert caught.value.file == str(path)
+
+
+def test_frames_are_rows_of_a_table(tmp_path, capsys):
+    made = Messages()
+    entries = [
+        *record_film(SCENE, 3),
+        ("/depth", START + 1, made.image(np.zeros(SIZE, np.uint16), START + 1)),
+    ]
+    path = write_bag(tmp_path / "rope", "mcap", sorted(entries, key=lambda entry: entry[1]))
+    out, lines = tmp_path / "frames.csv", tmp_path / "frames.jsonl"
+    command = ["reconstruct", str(path), *KNOWN, "--every", "1"]
+    assert main([*command, "-o", str(out)]) == main([*command, "-o", str(lines)]) == 0
+    with out.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    answers = [json.loads(line) for line in lines.read_text().splitlines()]
+    assert [int(row["frame"]) for row in rows] == [answer["frame"] for answer in answers] == [0, 1, 2, 3]
+    for row, answer in zip(rows, answers, strict=True):
+        assert int(row["stamp"]) == answer["stamp"]
+        if "error" in answer:
+            assert (row["rope"], row["length"], row["error"]) == ("", "", answer["error"])
+            continue
+        (chain,) = answer["model"]["chains"]
+        assert (row["rope"], row["error"]) == ("0", "")
+        assert float(row["radius"]) == chain["radius"]
+        assert float(row["model_confidence"]) == answer["model"]["confidence"]
+        assert [float(row[f"{axis}_last"]) for axis in "xyz"] == chain["points"][-1]
+    assert sum("error" in answer for answer in answers) == 1
+    capsys.readouterr()
+    assert main([*command, "-o", str(tmp_path / "frames.ply")]) == 2
+    assert "--out: with --every, expected a .csv, .mcap or .jsonl file" in capsys.readouterr().err

@@ -21,6 +21,15 @@ def test_report_writes_a_page(scene_npz, tmp_path, capsys):
     assert "1 chain (" in text
 
 
+def test_radii_that_differ_are_given_one_by_one(scene_npz, tmp_path, capsys):
+    out = tmp_path / "a.html"
+    words = ["report", str(scene_npz), "-o", str(out), "--radius", "4.2mm"]
+    assert main([*words, "--radius", "2mm"]) == 0
+    assert "<td>radius</td><td>4.20 mm, 2.00 mm</td>" in out.read_text("utf-8")
+    assert main(words) == 0
+    assert "<td>radius</td><td>4.20 mm</td>" in out.read_text("utf-8")
+
+
 def test_harnesses_are_drawn(tmp_path, capsys):
     made = strand.synthetic.harness("tree", seed=2, views=1)
     path, page, folder = tmp_path / "harness.npz", tmp_path / "h.html", tmp_path / "figures"
@@ -34,7 +43,13 @@ def test_harnesses_are_drawn(tmp_path, capsys):
     assert drawn == len({name for pair in edges for name in pair if name[0] == "J"}) == 2
     stages = re.findall(r"<tr><td>([a-z ]+)</td><td>[\d,]*</td><td>[\d,]*</td><td>", text)
     assert {"extract", "filter", "register", "map", "places", "fit", "total"} <= set(stages)
-    assert main(["reconstruct", str(path), "--branches", "--figures", str(folder)]) == 0
+    graph, again = tmp_path / "h.graphml", tmp_path / "again.html"
+    words = ["reconstruct", str(path), "--figures", str(folder), "-o", str(graph), "--report", str(again)]
+    assert main(words) == 2
+    assert main([*words, "--branches"]) == 0
+    assert capsys.readouterr().out.splitlines()[-10:-8] == [str(graph), str(again)]
+    assert graph.read_text().count("<edge ") == len(edges)
+    assert again.read_text("utf-8").count('class="junction"') == drawn
     names = [name.split("-")[1] for name in sorted(file.stem for file in folder.iterdir())]
     assert names == ["raw", "filtered", "registered", "arcs", "ropes", "residuals", "uncertainty", "cameras"]
 

@@ -115,7 +115,7 @@ def test_positions_may_be_negative_and_have_units(folder, given):
         (
             ["cloud.pcd", "--viewpoint", "0,0,1", "-o", "a.ply", "--tube", "./a.ply"],
             2,
-            "--tube: expected another file than --out",
+            "--out, --tube, --report: expected different files, got one of them twice",
         ),
         (
             ["cloud.pcd", "--viewpoint", "0,0,1", "-o", "a.ply", "--tube", "a.stl"],
@@ -140,7 +140,7 @@ def test_errors_are_one_line(folder, given, capsys, arguments, code, said):
     [
         ("--viewpoint", "0,0", "expected x,y,z, got '0,0'"),
         ("--viewpoint", "0,0,up", "expected metres, or a number with mm, cm or m, got 'up'"),
-        ("--intrinsics", "1,2,3", "expected fx,fy,cx,cy or a file, got '1,2,3'"),
+        ("--intrinsics", "1,2,3", "expected fx,fy,cx,cy with commas and no spaces, or a file, got '1,2,3'"),
         ("--depth-scale", "mm", "invalid float value: 'mm'"),
     ],
 )
