@@ -184,7 +184,12 @@ def _meet_at_one(
     """Tell whether branches part at one place, though perhaps far back along the trunk."""
     places = [find_parting(lines.hubs[hub], [ports[end] for end in ends[hub]], lines, drawn) for hub in hubs]
     reach = _MAX_TORN * float(drawn.sample_widths(lines.hubs[list(hubs)]).max())
-    return all(np.linalg.norm(one - other) < reach for one, other in combinations(places, 2))
+    for (hub, place), (other, there) in combinations(zip(hubs, places, strict=True), 2):
+        way = lines.hubs[other] - lines.hubs[hub]
+        # places that move past each other are one
+        if float((there - place) @ way) > reach * float(np.linalg.norm(way)):
+            return False
+    return True
 
 
 def _price_between(

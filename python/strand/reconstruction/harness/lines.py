@@ -13,6 +13,7 @@ from strand.support.checks import Array
 _MAX_SPUR = 1.15  # length of arcs that are nothing but the mask's edge, half widths at the hub
 _MAX_LONELY = 6.0  # length of separate pieces that are dropped, least radii
 _MIN_SEEN = 0.5  # share of the cells of an arc that ends freely: with less it is a shadow
+_MIN_LOOP = 4.0  # length of loops that are no holes of noise, least radii
 _ROUNDS = 8  # of pruning at most: each takes the spurs that the last one left
 
 NO_HUB = -1
@@ -97,11 +98,11 @@ def _place(arcs: list[Arc], wanted: Arc) -> int:
 
 
 def _is_spur(arc: Arc, lines: Lines, drawn: SurfaceMap, radius: float) -> bool:
-    """Tell whether an arc that ends freely is too short to be a rope, or nothing but a shadow."""
+    """Tell whether an arc that ends freely, or a loop, is too short to be a rope, or nothing but a shadow."""
     free = arc.hubs.count(NO_HUB)
-    if free == 0:
-        return False
     length = measure_length(arc.cells)
+    if free == 0:
+        return arc.hubs[0] == arc.hubs[1] and length * drawn.cell < _MIN_LOOP * radius
     if free == 2:
         return length * drawn.cell < _MAX_LONELY * radius
     if drawn.share_seen(arc.cells) < _MIN_SEEN:
