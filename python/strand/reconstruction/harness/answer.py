@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from strand.reconstruction.answering import (
     collect_poses,
@@ -13,6 +14,7 @@ from strand.reconstruction.answering import (
 )
 from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
 from strand.reconstruction.harness.certainty import judge
+from strand.reconstruction.harness.flat_bundles import find_flat_bundles
 from strand.reconstruction.harness.graph import Graph, make_graph, make_harness
 from strand.reconstruction.harness.method import FoundHarness, find_harness
 from strand.reconstruction.harness.wires import choose_radii, list_bundles
@@ -24,6 +26,7 @@ from strand.ropes.doubt import Doubt
 from strand.ropes.model import Model
 
 _NO_BUNDLES = 0.1  # doubt of strands that are no bundles of the given wire
+_FLAT = 0.12  # doubt of a harness with wires that lie side by side
 _UNEQUAL = 0.1  # doubt of a junction at which wires do not add up
 _MIN_WARNED = 0.1  # lesser doubts have no warning
 
@@ -51,10 +54,14 @@ def answer_with_harness(scene: Scene, hints: Hints, run: Run, keep_stages: bool)
     chains = describe_chains(found.chains, scene.extract.whole, list(poses))
     graph = make_graph(chains, harness.strands, harness.fitted.places, harness.fitted.covariances)
     certainty = judge(harness, graph, chains)
-    wires, wire_doubts = _count_wires(harness, graph, hints.wire)
+    flat = find_flat_bundles(harness.strands, harness.drawn, harness.ground.table)
+    wires, wire_doubts = _count_wires(harness, graph, flat, hints.wire)
     at_edge = doubt_ends_at_edge(chains, scene.extract.whole, scene.tables) if scene.tables else []
     at_border = doubt_ends_at_border(chains, list_images(scene, list(poses)))
     cut = [doubt for doubt, _ in (*at_edge, *at_border)]
+    if flat.any() and len(chains) > 1:
+        reason = "wires lie side by side, and part where no width tells"
+        wire_doubts.append(Doubt("rival", _FLAT, "where strands meet", reason))
     own = [*certainty.doubts, *wire_doubts, *upwards.doubts, *cut]
     for doubt in own:
         if doubt.amount >= _MIN_WARNED:
@@ -78,12 +85,14 @@ def answer_with_harness(scene: Scene, hints: Hints, run: Run, keep_stages: bool)
 
 
 def _count_wires(
-    harness: FoundHarness, graph: Graph, wire: float | None
+    harness: FoundHarness, graph: Graph, flat: NDArray[np.bool_], wire: float | None
 ) -> tuple[list[int | None], list[Doubt]]:
     """Return the wires of each strand, and doubts where they do not add up."""
     if wire is None:
         return [None] * len(graph.pairs), []
-    radii = harness.fitted.widths
+    halves = np.array([strand.half_width for strand in harness.strands])
+    side_by_side = wire * np.sqrt(np.maximum(np.rint(halves / wire), 1.0))
+    radii = np.where(flat, side_by_side, harness.fitted.widths)
     choice = choose_radii(radii, graph.pairs, list_bundles(wire))
     if choice.counts[0] is None:
         reason = (

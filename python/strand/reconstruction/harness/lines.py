@@ -10,7 +10,9 @@ import strand._core as _core
 from strand.reconstruction.harness.surface_map import SurfaceMap
 from strand.support.checks import Array
 
-_MAX_SPUR = 1.15  # length of arcs that are nothing but the mask's edge, half widths at the hub
+_MAX_SPUR = 1.25  # length of arcs that are nothing but the mask's edge, half widths at the hub
+_MAX_SHADOW = 2.0  # the same beside a strand that hides what is there
+_CLEAR = 0.9  # share of the cells of an arc that are seen, beside no such strand
 _MAX_LONELY = 6.0  # length of separate pieces that are dropped, least radii
 _MIN_SEEN = 0.5  # share of the cells of an arc that ends freely: with less it is a shadow
 _MIN_LOOP = 4.0  # length of loops that are no holes of noise, least radii
@@ -105,10 +107,9 @@ def _is_spur(arc: Arc, lines: Lines, drawn: SurfaceMap, radius: float) -> bool:
         return arc.hubs[0] == arc.hubs[1] and length * drawn.cell < _MIN_LOOP * radius
     if free == 2:
         return length * drawn.cell < _MAX_LONELY * radius
-    if drawn.share_seen(arc.cells) < _MIN_SEEN:
-        return True
-    hub = lines.hubs[max(arc.hubs)]
-    return length < _MAX_SPUR * float(drawn.sample_widths(hub[None])[0]) + 1.5
+    seen = drawn.share_seen(arc.cells)
+    length /= max(float(drawn.sample_widths(lines.hubs[max(arc.hubs)][None])[0]), 1.0)
+    return seen < _MIN_SEEN or length < (_MAX_SPUR if seen > _CLEAR else _MAX_SHADOW)
 
 
 def measure_length(cells: Array) -> float:

@@ -136,8 +136,9 @@ def _read_three(own: Sequence[Port], drawn: SurfaceMap, on_table: bool) -> list[
         bend = measure_angle(-some.mean_direction, other.mean_direction)
         widths = (some.half_width - other.half_width) / (0.5 * (some.half_width + other.half_width))
         straight = (bend / _BEND) ** 2 + (widths / _WIDTH) ** 2 + _LAID
-        # of axes, as a thick strand beside thin ones has a higher surface
-        rise = end.near - radius - max(port.rest - drawn.cell * port.half_width for port in (some, other))
+        # a strand that is thicker than both has a higher surface
+        thicker = radius - drawn.cell * max(some.half_width, other.half_width)
+        rise = end.near - max(some.rest, other.rest) - 2.0 * max(thicker, 0.0)
         drop = end.near - end.rest
         bump = min(some.near, other.near) - max(port.rest for port in own)
         for under, heights in (
