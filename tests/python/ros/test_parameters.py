@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import re
+from pathlib import Path
+
 import pytest
 
 from strand_ros.parameters import PARAMETERS, read_settings
+
+README = Path(__file__).resolve().parents[3] / "ros" / "README.md"
 
 
 def test_defaults_are_accepted_and_mean_unknown():
@@ -62,3 +68,15 @@ def test_parameters_have_a_type_and_a_range_that_holds_the_default(one):
     assert (one.least is None) == (one.most is None)
     if one.least is not None:
         assert one.least <= one.default <= one.most
+
+
+def test_the_page_lists_all_parameters_with_their_defaults_and_ranges():
+    rows = re.findall(r"^\| `(\w+)` \| `(.+?)`(.*?) \| (.*) \|$", README.read_text("utf-8"), re.MULTILINE)
+    assert {name: said for name, *said in rows} == {
+        one.name: [
+            json.dumps(one.default).strip('"') or '""',
+            "" if one.least is None else f", {one.least:g} to {one.most:g}",
+            one.description,
+        ]
+        for one in PARAMETERS
+    }
