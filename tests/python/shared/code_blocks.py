@@ -126,7 +126,6 @@ GIVEN: dict[str, dict[int, Callable[[], dict[str, Any]]]] = {
     "docs/method.md": {0: give_views, 1: give_image},
     "docs/mistakes.md": {0: give_views, 1: give_image},
     "docs/pictures.md": {0: give_views},
-    "docs/queries.md": {0: give_views},
     "docs/recordings.md": {0: lambda: {"BOUNDS": make_arc().bounds}, 1: give_messages},
     "docs/sensors.md": {0: give_views},
 }
