@@ -26,7 +26,7 @@ def program(tmp_path_factory):
     return made
 
 
-def ask(program, folder, images, server=FOLDER / "serve_ropes.py"):
+def ask(program, folder, images, server=FOLDER / "serve_ropes.py", more=()):
     """Run the program on depth images."""
     (fx, _, cx), (_, fy, cy), _ = SCENE.intrinsics.tolist()
     height, width = SCENE.depth[0].shape
@@ -34,7 +34,7 @@ def ask(program, folder, images, server=FOLDER / "serve_ropes.py"):
         image.astype(np.uint16).tofile(folder / f"{k}.raw")
     camera = map(str, (width, height, fx, fy, cx, cy, SCENE.depth_scale))
     files = [folder / f"{k}.raw" for k in range(len(images))]
-    command = [program, sys.executable, server, str(SCENE.radius), *camera, *files]
+    command = [program, sys.executable, server, str(SCENE.radius), *camera, *files, *more]
     return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 
@@ -59,9 +59,17 @@ def test_a_process_that_ends_is_an_error(program, tmp_path):
     done = ask(program, tmp_path, [SCENE.depth[0]], server=tmp_path / "nowhere.py")
     assert done.returncode == 1
     assert "strand has ended; see its standard error" in done.stderr
-    done = ask(program, tmp_path, [SCENE.depth[0][:100]])
-    assert (done.returncode, done.stdout) == (1, "")
-    assert "0.raw: expected so many pixels" in done.stderr
+
+
+def test_short_and_missing_files_are_named_and_the_next_is_asked(program, tmp_path):
+    done = ask(program, tmp_path, [SCENE.depth[0][:100], SCENE.depth[0]], more=["nowhere.raw"])
+    assert (done.returncode, done.stderr) == (0, "")
+    short, rope, missing = done.stdout.splitlines()
+    height, width = SCENE.depth[0].shape
+    wanted = f"expected {2 * width * height} bytes for {width} x {height} pixels, got"
+    assert short.endswith(f"0.raw: {wanted} {2 * width * 100}")
+    assert re.match(r"\d+ nodes, first at ", rope)
+    assert missing == f"no answer: nowhere.raw: {wanted} no file"
 
 
 def test_requests_that_are_cut_off_end_the_process(tmp_path):
