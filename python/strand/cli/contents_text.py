@@ -19,6 +19,7 @@ from strand.io.recordings.recording_contents import CameraContents, RecordingCon
 from strand.io.view_summary import ViewSummary
 from strand.report import tables
 from strand.ropes.model import VERSION, Model
+from strand.ropes.summary import format_confidence
 from strand.support.checks import Array
 from strand.views.box import format_point
 
@@ -119,7 +120,7 @@ def _describe_model(model: Model) -> list[Row]:
         Row("table", _describe_table(model)),
         Row("labels", _describe_labels(model)),
         *_describe_stamps([model.stamp]),
-        Row("confidence", "not known" if np.isnan(model.confidence) else f"{model.confidence:.2f}"),
+        Row("confidence", "not known" if np.isnan(model.confidence) else format_confidence(model.confidence)),
         Row("doubts", _count_kinds([doubt.kind for doubt in model.doubts])),
         Row("warnings", _count_kinds([warning.kind for warning in model.warnings])),
     ]

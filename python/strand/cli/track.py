@@ -27,6 +27,7 @@ from strand.io.lerobot.layout import is_data_set
 from strand.report.rerun_tracks import write_track_recording
 from strand.report.scene_updates import write_mcap
 from strand.report.track_page import write_track_report
+from strand.ropes.summary import format_confidence
 from strand.support.checks import Array
 from strand.support.extras import import_extra
 from strand.support.files import check_suffix, replace_file, require_writable
@@ -285,6 +286,6 @@ def _print_summary(counts: _Counts) -> None:
     for rope in counts.last.ropes if counts.last is not None else ():
         print(
             f"rope {rope.number}: {1e3 * rope.length:.1f} ± {1e3 * rope.length_sd:.1f} mm, {rope.state}, "
-            f"seen {100 * rope.seen.mean():.0f} %, confidence {rope.confidence:.2f}"
+            f"seen {100 * rope.seen.mean():.0f} %, confidence {format_confidence(rope.confidence)}"
         )
     print()

@@ -113,7 +113,9 @@ def refuse_empty(extract: Extract, run: Run) -> None:
     raise NotEnoughDataError("views: no view has a point; are all depths 0 or not finite?")
 
 
-def select_views(extract: Extract, filtered: Sequence[View], radius: float, run: Run) -> list[int]:
+def select_views(
+    extract: Extract, filtered: Sequence[View], radius: float, run: Run, segmented: bool = False
+) -> list[int]:
     """Return the numbers of the views that show ropes; warn of the others.
 
     Parameters
@@ -124,6 +126,8 @@ def select_views(extract: Extract, filtered: Sequence[View], radius: float, run:
     radius : float
         The thinnest rope's, metres.
     run : Run
+    segmented : bool
+        Whether strand made the masks.
 
     Raises
     ------
@@ -132,7 +136,8 @@ def select_views(extract: Extract, filtered: Sequence[View], radius: float, run:
     """
     reasons: dict[int, str] = {}
     for number, (view, own, left) in enumerate(zip(extract.whole, extract.inside, filtered, strict=True)):
-        reason = _explain_unlike_mask(view, own, extract.bounds, radius) or _explain_empty_mask(view)
+        unlike = _explain_unlike_mask(view, own, extract.bounds, radius, segmented)
+        reason = unlike or _explain_empty_mask(view)
         if reason is None and not len(left.points):
             reason = _explain_no_points(view, own)
         if reason is not None:
@@ -155,7 +160,9 @@ def _explain_empty_mask(view: View) -> str | None:
     return "no depth inside its mask" if mask.any() else "an empty mask"
 
 
-def _explain_unlike_mask(view: View, own: View, bounds: Box | None, radius: float) -> str | None:
+def _explain_unlike_mask(
+    view: View, own: View, bounds: Box | None, radius: float, segmented: bool
+) -> str | None:
     """Say why a mask with depth is unlike one of ropes of a radius, metres; None if it is not.
 
     `own` is the view inside the extraction range, `bounds`. Pixels outside do not count.
@@ -168,8 +175,9 @@ def _explain_unlike_mask(view: View, own: View, bounds: Box | None, radius: floa
     across = radius * max(image.camera.focal) / image.distance
     parts = count_mask_parts(mask, across)
     if parts.largest < _MIN_AREA * across * across:
+        what = "no rope in the pixels that strand found" if segmented else "a mask that shows no rope"
         return (
-            f"a mask that shows no rope: its largest part has {parts.largest} pixels, and a rope of this "
+            f"{what}: the largest part has {parts.largest} pixels, and a rope of this "
             f"radius is {2.0 * across:.4g} wide"
         )
     # one that holds the whole image has one piece, which the ropes' own bounds may cut

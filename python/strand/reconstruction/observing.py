@@ -126,12 +126,13 @@ def observe(extract: Extract, hints: Hints, run: Run) -> Scene:
     with run.stage("filter"):
         thinnest = float(radii.values[0])
         filtered = drop_outliers(extract.inside, thinnest, hints.config.filter, widen=not published)
-        numbers = select_views(extract, filtered, thinnest, run)
+        numbers = select_views(extract, filtered, thinnest, run, found is not None)
         surplus = list(warn_of_surplus_labels(extract.whole, hints.prior.ropes))
         misplaced = find_misplaced_masks(extract.whole, numbers, extract.bounds, radii.values)
     if sum(mask.shows_background for mask in misplaced) == len(numbers):
+        what = "masks" if found is None else "the pixels that strand found"
         raise NotEnoughDataError(
-            f"views: masks show the background alone (views {', '.join(map(str, numbers))}): nothing inside "
+            f"views: {what} show the background alone (views {', '.join(map(str, numbers))}): nothing inside "
             "stands out from what is around it"
         )
     for mask in misplaced:

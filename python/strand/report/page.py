@@ -24,7 +24,7 @@ from strand.report.space_figure import make_space_figure
 from strand.report.tables import count_stages, describe_ends
 from strand.ropes.crossings import NOT_LISTED
 from strand.ropes.model import Model, list_model_crossings
-from strand.ropes.summary import say_whether_to_act
+from strand.ropes.summary import format_confidence, say_whether_to_act
 from strand.support.checks import Array, check_clouds, check_instance, check_path, check_text
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
@@ -183,7 +183,7 @@ def _tabulate_chains(model: Model) -> str:
                 f"{chain.radius * 1e3:.2f}" + (f" ± {chain.radius_sd * 1e3:.2f}" if chain.radius_sd else ""),
                 f"{len(chain.points)}",
                 describe_ends(model, i),
-                "" if np.isnan(chain.confidence) else f"{chain.confidence:.2f}",
+                "" if np.isnan(chain.confidence) else format_confidence(chain.confidence),
                 _format_millimeters(chain.points[0]),
                 _format_millimeters(chain.points[-1]),
                 "" if seen is None else f"{100 * np.mean(seen > 0):.0f} %",

@@ -13,7 +13,7 @@ from strand.ropes.chain import Chain
 from strand.ropes.crossings import NOT_LISTED
 from strand.ropes.harness import Harness
 from strand.ropes.model import Model, list_model_crossings
-from strand.ropes.summary import say_whether_to_act
+from strand.ropes.summary import format_confidence, say_whether_to_act
 from strand.support.checks import check_finite_array, check_instance
 from strand.views.view import View
 
@@ -228,7 +228,7 @@ def describe_chains(model: Model) -> str:
             f"{len(chain.points)}",
             f"{chain.radius * 1e3:.2f}",
             describe_ends(model, i),
-            *((f"{chain.confidence:.2f}", _list_kinds(chain)) if sure else ()),
+            *((format_confidence(chain.confidence), _list_kinds(chain)) if sure else ()),
         )
         for i, chain in enumerate(model.chains)
     ]
@@ -289,7 +289,7 @@ def describe_confidence(model: Model) -> str:
 def describe_frame(model: Model) -> str:
     """Format the lengths and the confidence of a recording's frame in one line."""
     lengths = ", ".join(f"{chain.length * 1e3:.1f}" for chain in model.chains)
-    sure = "" if np.isnan(model.confidence) else f", confidence {model.confidence:.2f}"
+    sure = "" if np.isnan(model.confidence) else f", confidence {format_confidence(model.confidence)}"
     return f"{len(model.chains)} {'rope' if len(model.chains) == 1 else 'ropes'}, {lengths} mm{sure}"
 
 

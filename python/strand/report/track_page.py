@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import math
 import os
 from base64 import b64encode
 from collections.abc import Sequence
@@ -19,6 +20,7 @@ from strand.report.page import POLICY, dump_json, escape_text, format_table
 from strand.report.plotly_traces import Pen
 from strand.report.space_figure import make_scene, measure_width, place_cameras
 from strand.report.tracks import Track, TrackedRope, check_tracks, name_rope
+from strand.ropes.summary import ACT_CONFIDENCE, format_confidence
 from strand.support.checks import Array, check_path, check_text
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
@@ -186,13 +188,22 @@ def _pack(values: Array, kind: str) -> str:
     return b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode()
 
 
+def _say_whether_to_act(rope: TrackedRope) -> str:
+    """Return the last state of a rope, its confidence, and whether to act on it."""
+    if math.isnan(rope.confidence):
+        return f"{rope.state} at the end, confidence not known"
+    may = rope.state == "tracking" and rope.confidence >= ACT_CONFIDENCE
+    advice = "act on it where it is seen" if may else "do not act on it"
+    return f"{rope.state} at the end, confidence {format_confidence(rope.confidence)}: {advice}"
+
+
 def _summarize(
     tracks: Sequence[Track], ropes: Sequence[TrackedRope], count: int, shown: int, begun: float
 ) -> str:
     parts = [f"{len(tracks)} frames in {tracks[-1].time - begun:.2f} s" if tracks else "no frames"]
     if shown < len(tracks):
         parts.append(f"{shown} of them are shown")
-    parts += [name_rope(rope) for rope in ropes]
+    parts += [f"{name_rope(rope)}, {_say_whether_to_act(rope)}" for rope in ropes]
     if count > len(ropes):
         parts.append(f"and {count - len(ropes)} more ropes that are not drawn")
     return "; ".join(parts) + "."

@@ -37,6 +37,10 @@ class TrackedRope(Protocol):
         """Metres."""
 
     @property
+    def confidence(self) -> float:
+        """Probability that the rope runs so; NaN if unknown."""
+
+    @property
     def predicted(self) -> NDArray[np.bool_]:
         """(M,) Whether nothing shows a node."""
 

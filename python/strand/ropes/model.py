@@ -33,7 +33,7 @@ from strand.ropes.notebook import make_html
 from strand.ropes.pulls import PullPlan, plan_pulls
 from strand.ropes.queries import RayHits, SweepHits
 from strand.ropes.seen_side import USUAL_UP, check_table, check_up
-from strand.ropes.summary import summarize
+from strand.ropes.summary import format_confidence, summarize
 from strand.support.checks import (
     Array,
     check_choice,
@@ -193,7 +193,7 @@ class Model:
             object.__setattr__(self, "harness", _check_harness(self.harness, self.chains))
 
     def __repr__(self) -> str:
-        sure = "unknown" if np.isnan(self.confidence) else f"{self.confidence:.2f}"
+        sure = "unknown" if np.isnan(self.confidence) else format_confidence(self.confidence)
         lines = [
             f"Model(chains: {len(self.chains)}, views: {len(self.poses)}, method: {self.method}, "
             f"confidence: {sure}, warnings: {len(self.warnings)})"

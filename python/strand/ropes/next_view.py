@@ -75,6 +75,9 @@ class NextView:
         """(3,) Unit vector up in the image, world frame."""
         return -self.pose[:3, 1]
 
+    def __repr__(self) -> str:
+        return f"NextView({self})"
+
     def __str__(self) -> str:
         place, middle = round_to_millimeters(self.position), round_to_millimeters(self.look_at)
         doubts = "doubt" if len(self.settles) == 1 else "doubts"

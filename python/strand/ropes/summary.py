@@ -15,13 +15,21 @@ LOOK_CONFIDENCE = 0.5
 """Confidence below which an answer is no better than a guess."""
 
 _MAX_DOUBTS = 3  # in a summary
+_ROUNDING = 1e-9  # hundredths: a confidence that is this much lower has its digits
+
+
+def format_confidence(confidence: float) -> str:
+    """Return a confidence with two digits, rounded down so that none seems to reach a limit."""
+    if math.isnan(confidence):
+        return "nan"
+    return f"{math.floor(100.0 * confidence + _ROUNDING) / 100.0:.2f}"
 
 
 def say_whether_to_act(confidence: float) -> str:
     """Return a sentence that says whether to act on an answer with this confidence."""
     if math.isnan(confidence):
         return "Check it: the method does not say how sure the answer is."
-    sure = f"the ropes run as the chains say with probability {confidence:.2f}"
+    sure = f"the ropes run as the chains say with probability {format_confidence(confidence)}"
     if confidence >= ACT_CONFIDENCE:
         return f"Act on it: {sure}."
     if confidence >= LOOK_CONFIDENCE:

@@ -14,6 +14,7 @@ from shared.ropes import find_rope_pixels
 from strand.cli import main
 from strand.report import figures
 from strand.ropes.doubt import Doubt, ModelWarning
+from strand.ropes.summary import format_confidence
 
 STAGES = ["extract", "filter", "register", "arcs", "link", "fit", "ends"]
 PUBLISHED_STAGES = ["extract", "filter", "normals", "register", "centerline", "trace", "split", "reconnect"]
@@ -41,8 +42,8 @@ def test_reconstruct_npz(scene_npz, tmp_path, capsys):
     model = strand.load_model(tmp_path / "a.json")
     (chain,) = model.chains
     row = f"0 +{chain.length * 1e3:.1f} +{len(chain.points)} +{chain.radius * 1e3:.2f} +open"
-    assert re.search(rf"^{row} +{chain.confidence:.2f}( +[a-z ,+0-9]+)?$", out, re.MULTILINE)
-    assert f" with probability {model.confidence:.2f}.\n" in out
+    assert re.search(rf"^{row} +{format_confidence(chain.confidence)}( +[a-z ,+0-9]+)?$", out, re.MULTILINE)
+    assert f" with probability {format_confidence(model.confidence)}.\n" in out
     assert re.findall(r"^([a-z]+) +\d+\.\d$", out, re.MULTILINE) == [*STAGES, "total"]
     assert out.splitlines()[-1] == str(tmp_path / "a.json")
     assert [line for line in err.splitlines() if "warning" not in line] == [

@@ -62,7 +62,7 @@ def model_of(count, **more):
 @pytest.mark.parametrize("count", [0, 1, 3, 12])
 def test_a_model_shows_itself_in_a_few_lines(count):
     shown = repr(model_of(count, method="default", confidence=0.876)).splitlines()
-    assert shown[0] == f"Model(chains: {count}, views: 2, method: default, confidence: 0.88, warnings: 0)"
+    assert shown[0] == f"Model(chains: {count}, views: 2, method: default, confidence: 0.87, warnings: 0)"
     assert shown[1 : 1 + min(count, 3)] == [f"  {draw_circle(0.05, 40, False)!r}"] * min(count, 3)
     assert shown[1 + min(count, 3) :] == ([f"  and {count - 3} more"] if count > 3 else [])
     assert all(len(line) < 110 for line in shown)

@@ -177,7 +177,7 @@ def test_a_view_whose_mask_shows_specks_alone_is_left_out_and_named(number):
     model = strand.reconstruct(masked("arc", masks), SCENES["arc"].radius, ropes=1)
     (warning,) = find_warnings(model, "unused view")
     assert warning.view == number
-    assert "a mask that shows no rope: its largest part has 12 pixels" in str(warning)
+    assert "a mask that shows no rope: the largest part has 12 pixels" in str(warning)
     truth = strand.Chain(SCENES["arc"].truth[0], 0.001)
     assert model.chains[0].length == pytest.approx(truth.length, rel=0.05)
 

@@ -84,6 +84,16 @@ def test_a_mask_of_the_whole_image_is_smaller_than_a_wide_rope():
         strand.reconstruct([whole], radius=4.2)
 
 
+def test_pixels_that_strand_found_are_no_mask_of_the_caller():
+    made = strand.synthetic.sequence("still", seed=1, frames=1, color=True)[0]
+    colored = made.depth[0], made.intrinsics, made.poses[0], made.color[0]
+    seen = [strand.View.from_depth(*colored, depth_scale=made.depth_scale)]
+    with pytest.raises(strand.NotEnoughDataError, match="view 0 has no rope in the pixels that strand found"):
+        strand.reconstruct(seen, radius=0.1)
+    with pytest.raises(strand.NotEnoughDataError, match="the pixels that strand found show the background"):
+        strand.reconstruct(seen, radius=0.04)
+
+
 @pytest.mark.parametrize("focal", [1e200, 1e307])
 def test_a_focal_length_beyond_all_cameras_is_refused(focal):
     lens = [[focal, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]]

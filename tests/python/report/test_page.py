@@ -22,6 +22,7 @@ from strand.figures import write_report, write_track_report
 from strand.report import drawn_chains, page, space_figure
 from strand.ropes.crossings import NOT_LISTED
 from strand.ropes.doubt import Doubt, Join, ModelWarning
+from strand.ropes.summary import format_confidence
 
 LIMIT = 5_000_000  # bytes
 ATTACK = "<script>alert('a')</script><img src=x onerror=alert(1)>&amp;\"'"
@@ -169,7 +170,7 @@ def test_tables_match_the_model(paper, paper_model, report):
     assert f"<td>{chain.length * 1e3:.1f}</td>" in text
     assert f"1 chain ({chain.length * 1e3:.0f} mm)" in text
     assert "whole" not in re.sub(r"<script.*", "", text, flags=re.DOTALL)
-    assert f"with probability {paper_model.confidence:.2f}" in text
+    assert f"with probability {format_confidence(paper_model.confidence)}" in text
     for name in paper_model.timings:
         assert f"<td>{name}</td>" in text
     for doubt in paper_model.doubts:

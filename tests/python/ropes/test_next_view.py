@@ -70,6 +70,7 @@ def test_a_view_looks_at_the_ropes_from_an_upright_camera():
         assert not view.pose.flags.writeable
     np.testing.assert_allclose(views[0].look_at, LINE.mean(axis=0), atol=1e-6)
     assert "settles 1 doubt" in str(views[0])
+    assert repr(views[0]) == f"NextView({views[0]})"
 
 
 def test_the_best_view_comes_first_and_others_look_from_elsewhere():

@@ -17,8 +17,9 @@ ACROSS = np.linspace([0.0, -0.1, 3 * R], [0.0, 0.1, 3 * R], 41)
     ("confidence", "words"),
     [
         (0.97, "Act on it: the ropes run as the chains say with probability 0.97."),
-        (0.9, "Act on it: "),
-        (0.89, "Look again before acting: "),
+        (0.9, "Act on it: the ropes run as the chains say with probability 0.90."),
+        (0.8999, "Look again before acting: the ropes run as the chains say with probability 0.89."),
+        (0.29, "Do not act on it: the ropes run as the chains say with probability 0.29."),
         (0.49, "Do not act on it: "),
         (np.nan, "Check it: the method does not say how sure the answer is."),
     ],

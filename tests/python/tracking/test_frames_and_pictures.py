@@ -84,6 +84,9 @@ def read_page(path, name):
 def test_a_page_holds_nodes_events_and_states(tracks, tmp_path):
     path = tmp_path / "a.html"
     write_track_report(tracks, path, title="<b>", numbers=[4, 6, 8])
+    said = path.read_text("utf-8")
+    assert "rope 0: 200 mm, tracking at the end, confidence not known; " in said
+    assert "rope 1: 200 mm, tracking at the end, confidence 0.90: act on it where it is seen." in said
     film = read_page(path, "film")
     assert film["frames"] == [4, 6, 8]
     assert film["times"] == pytest.approx([0.0, 0.1, 0.2])
