@@ -10,7 +10,8 @@ A frame is right if the Fréchet distance is below 5 radii, in the direction of 
 is the error of points at the same arc length. `distance` is that of the centreline: of all of it, and of the
 parts that nothing hides. Lost frames have no answer, or a distance above 5 radii. `after` is the share of
 right frames in the half second after a rope was hidden by 15 % or more, and `recovery` the time until the
-first right one. `sd` is the share of points within two deviations.
+first right one. `sd` is the share of points within two deviations. `acted on` is the share of nine places
+along the ropes that the rule of docs/tracking.md acts on, and how many of these are 2 radii off the rope.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 
 from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
-from lib.tracking_truth import MUCH, RIGHT, SOON, Judged, Watched, match_events, track_sequence
+from lib.tracking_truth import ACTED, MUCH, RIGHT, SOON, Judged, Watched, match_events, track_sequence
 from strand.synthetic import SEQUENCES, sequence
 
 CAMERAS = {"plain": None, "stereo": "d435"}
@@ -47,6 +48,7 @@ def main() -> int:
         "recovery / s",
         "hidden: recall, precision",
         "sd",
+        "acted on, wrong",
     )
     print_head("kind", "camera", *titles, "ms: median, 99 %")
     everything: list[Watched] = []
@@ -81,6 +83,7 @@ def summarize(group: Sequence[Watched]) -> list[str]:
     both, predicted, hidden = (
         sum(getattr(one, name) for one in found) for name in ("both", "predicted", "hidden")
     )
+    acted = sum(one.acted for one in found) / (len(ACTED) * len(ropes))
     seconds = 1e3 * np.array([x for watched in group for x in watched.seconds])
     return [
         f"{right:.2f}",
@@ -94,6 +97,7 @@ def summarize(group: Sequence[Watched]) -> list[str]:
         f"{np.mean(recovery):.2f}" if recovery else "",
         f"{both / hidden:.2f}, {both / max(predicted, 1):.2f}" if hidden else "",
         f"{np.mean([one.within for one in found]):.2f}",
+        f"{acted:.2f}, {sum(one.astray for one in found)}",
         f"{np.median(seconds):.1f}, {np.quantile(seconds, 0.99):.1f}",
     ]
 

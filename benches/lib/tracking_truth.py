@@ -22,6 +22,11 @@ MATCHED = 4  # first frames in which ropes are matched with the true ones anew
 DEVIATIONS = 2.0
 SOON = 0.5  # s after an occlusion
 MUCH = 0.15  # of a rope hidden: an occlusion
+ACTED = np.linspace(0.1, 0.9, 9)  # shares of a rope's length: places to act on
+ACT_CONFIDENCE = 0.9
+EXPLAINED = 0.03  # of the ropes' pixels that no rope explains, at most
+BESIDE = 4.0  # radii around a place that are seen
+ASTRAY = 2.0  # radii from the rope: a place that is wrong
 NEAR_EVENT = 0.5  # s between a true and a reported crossing event
 
 Array = NDArray[np.float64]
@@ -29,7 +34,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Judged:
-    """One rope in one frame; lengths in metres, `frechet` in radii; `seen_distance` without hidden parts."""
+    """One rope in one frame; lengths in metres, `frechet` in radii; `seen_distance` without hidden parts.
+
+    `acted` of the places along it may be acted on by the rule of docs/tracking.md, `astray` of them are off.
+    """
 
     time: float
     frechet: float
@@ -43,6 +51,8 @@ class Judged:
     both: int
     share_hidden: float
     points: Array
+    acted: int
+    astray: int
 
 
 @dataclass
@@ -195,6 +205,7 @@ def _judge(
         frechet = measure_frechet(places, true)
         distances = measure_distances(places, line)
         is_seen = ~hidden[np.linalg.norm(places[:, None] - line, axis=2).argmin(axis=1)]
+        chosen = _choose_places(rope, track)
         judged.append(
             Judged(
                 time=frame.time,
@@ -209,9 +220,20 @@ def _judge(
                 both=int((predicted[near] & hidden).sum()),
                 share_hidden=float(hidden.mean()),
                 points=places,
+                acted=len(chosen),
+                astray=int((measure_distances(chosen, line) > ASTRAY * radius).sum()) if len(chosen) else 0,
             )
         )
     return judged
+
+
+def _choose_places(rope: TrackedRope, track: Track) -> Array:
+    """Return (K, 3) the places of a rope that may be acted on."""
+    if rope.state != "tracking" or not rope.confidence > ACT_CONFIDENCE or track.unexplained >= EXPLAINED:
+        return np.empty((0, 3))
+    near = np.abs(rope.s[:, None] - ACTED * rope.length) < BESIDE * rope.radius
+    seen = (rope.seen[:, None] | ~near).all(axis=0)
+    return np.asarray(rope.at(ACTED[seen] * rope.length))
 
 
 def _find(track: Track, number: int) -> TrackedRope | None:

@@ -167,7 +167,7 @@ def test_chains_with_confidence():
     assert tables.describe_chains(model).splitlines() == [
         "chain  length / mm  nodes  radius / mm    ends  confidence  doubts",
         "0            200.0     41         4.00    open        0.50  left out, end, +2",
-        "1             80.0      9         4.00  closed        0.99  end, join",
+        "1             80.0      9         4.00  closed        0.98  end, join",
         "2             10.0      3         4.00    open        0.99",
     ]
     assert tables.describe_confidence(model) == (
