@@ -14,9 +14,9 @@ from strand.reconstruction.harness.ground import Ground, find_ground
 from strand.reconstruction.harness.joint_fit import Fitted, fit_harness
 from strand.reconstruction.harness.lines import Lines, trace_lines
 from strand.reconstruction.harness.places import Decisions, decide_places
-from strand.reconstruction.harness.strands import Strand, follow_strands, reach_edges
+from strand.reconstruction.harness.strands import Strand, follow_strands, list_pairs, reach_edges
 from strand.reconstruction.harness.surface_map import SurfaceMap, make_map
-from strand.reconstruction.harness.wires import list_bundles
+from strand.reconstruction.harness.wires import choose_radii, list_bundles
 from strand.reconstruction.stages import Observed, Run
 from strand.reconstruction.tubes.clouds import Clouds
 from strand.reconstruction.wide_surfaces import describe_surface
@@ -92,7 +92,8 @@ def find_harness(observed: Observed, config: Config, run: Run, wire: float | Non
             raise NotEnoughDataError("views: the points make no strand; is the radius right, in metres?")
         _refuse_surfaces(strands, observed, radii[1])
         places = _lift_junctions(decided, strands)
-        alone = find_alone(observed, drawn, config, run) if len(lines.hubs) else None
+        ask = len(lines.hubs) and not _are_bundles(strands, len(places), given)
+        alone = find_alone(observed, drawn, config, run) if ask else None
         if alone is not None:
             strands, places = [reach_edges(strand, drawn) for strand in alone], np.zeros((0, 3))
     with run.stage("fit"):
@@ -110,6 +111,15 @@ def _refuse_surfaces(strands: list[Strand], observed: Observed, radius: float) -
         surface = describe_surface(observed.views, radius)
         if surface is not None:
             raise NotEnoughDataError(f"views: {surface}")
+
+
+def _are_bundles(strands: list[Strand], junctions: int, radii: Array | None) -> bool:
+    """Tell whether all junctions have the widths of bundles that part, which ropes that touch have not."""
+    if not junctions or radii is None:
+        return False
+    halves = np.array([strand.half_width for strand in strands])
+    chosen = choose_radii(halves, list_pairs(strands, junctions), radii)
+    return not chosen.unequal and not chosen.refused
 
 
 def _lift_junctions(decided: Decisions, strands: list[Strand]) -> Array:
