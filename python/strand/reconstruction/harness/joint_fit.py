@@ -148,7 +148,13 @@ def _fit(
     held = deviation == 0.0
     if not held:
         along_ray["radius_prior"] = np.column_stack([final, deviation * final])
-    fit = fit_curves(clouds, alone.curves, each, alone.motions, final, config, uncertainty=True, **along_ray)
+    try:
+        fit = fit_curves(
+            clouds, alone.curves, each, alone.motions, final, config, uncertainty=True, **along_ray
+        )
+    except NotEnoughDataError:
+        # radii that the points do not support leave none on a tube
+        fit = fit_curves(clouds, rough.curves, each, rough.motions, start, config, uncertainty=True)
     parts = _cut(fit, strands)
     places, covariances, parts = _share_points(fit, parts, strands, places)
     closed = [strand.closed for strand in strands]
