@@ -33,7 +33,8 @@ def warn_about_answer(
             yield ModelWarning(doubt.kind, str(doubt), doubt.place, doubt.amount)
     for number, trunk, place in find_branches(chains, visibility):
         message = (
-            f"chain {number} ends on the side of chain {trunk} at {round_to_millimeters(place)}: a branch?"
+            f"chain {number} ends on the side of chain {trunk} at {round_to_millimeters(place)}: a branch? "
+            "branches=True (--branches) finds graphs"
         )
         reach = float(np.linalg.norm(chains[number].points[[0, -1]] - place, axis=1).min())
         yield ModelWarning("branch", message, place, reach, (number, trunk))

@@ -15,6 +15,7 @@ _DEPTH_STEP = 97  # depths from one checked depth to the next
 _MAX_DISTANCE = 10_000.0  # radii: farther ropes are a fraction of a pixel wide in any camera
 _MAX_FOCAL_LENGTHS = 4.0  # focal lengths in pixels times radii: farther ropes are half a pixel wide
 _MAX_METERS = 20.0  # metres that depth cameras see: nearer depths may be those of walls behind the ropes
+_NO_METERS = 30.0  # metres that no depth camera sees, whatever radius was estimated from such depths
 _TOO_FAR_DOUBT = 5.0  # doubt of depths beyond `_MAX_DISTANCE`
 
 _SAMPLE = 1000  # points of a view whose directions are looked at
@@ -30,6 +31,21 @@ _MIN_CELLS = 100  # cells that a view sees: with fewer it shows ropes alone
 _MIN_COMMON = 0.8  # share of the cells of two views that both see, if their camera did not move
 _MOVED_DOUBT = 1.5  # doubt of a common pose for views that differ
 
+_USUAL_SIZES = (
+    (424, 240),
+    (480, 270),
+    (640, 360),
+    (640, 400),
+    (640, 480),
+    (640, 576),
+    (848, 480),
+    (960, 540),
+    (1024, 768),
+    (1280, 720),
+    (1280, 800),
+    (1920, 1080),
+    (2208, 1242),
+)  # pixels: widths and heights of images of depth cameras
 _MAX_OFFSET_OF_OTHER = 0.04  # share of an image: this near its middle, a principal point is its own
 _MIN_OFFSET = 0.15  # share of an image: this far from its middle, a principal point is another image's
 _OFF_CENTER_DOUBT = 1.2  # doubt: images that were cropped look the same
@@ -51,7 +67,7 @@ def doubt_far_depths(views: Sequence[View], radius: float, focal: float | None =
     some = some[some > 0]
     farthest = _MAX_DISTANCE * radius
     if focal is not None:
-        farthest = min(farthest, max(_MAX_FOCAL_LENGTHS * focal * radius, _MAX_METERS))
+        farthest = min(farthest, max(_MAX_FOCAL_LENGTHS * focal * radius, _MAX_METERS), _NO_METERS)
     if not len(some) or not np.median(some) > farthest:
         return None
     cameras = [float(np.linalg.norm(view.viewpoint)) for view in views if view.image is None]
@@ -138,6 +154,12 @@ def _explain_offset(image: DepthImage) -> str | None:
         return f"depth looks transposed, rows for columns: {where}"
     if abs(across / down - 1.0) < _MAX_OFFSET_OF_OTHER:
         return f"intrinsics look like those of an image {across:.2g} times as large: {where}"
+    # an image that was cut out of another has a size of its own
+    if (width, height) in _USUAL_SIZES:
+        for usual_width, usual_height in _USUAL_SIZES:
+            shares = (across * width / usual_width, down * height / usual_height)
+            if max(abs(share - 1.0) for share in shares) < _MAX_OFFSET_OF_OTHER:
+                return f"intrinsics look like those of an image of {usual_width} x {usual_height}: {where}"
     return None
 
 

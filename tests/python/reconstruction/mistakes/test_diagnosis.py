@@ -186,6 +186,20 @@ def test_a_principal_point_of_another_image_is_doubted():
     assert doubt_principal_point(images(DEPTH[:, 10:200, 60:300], cut)) is None
 
 
+def test_a_principal_point_of_another_usual_size_is_doubted():
+    intrinsics = np.array([[848.0, 0.0, 643.2], [0.0, 848.0, 357.1], [0.0, 0.0, 1.0]])
+    view = strand.View.from_depth(np.full((480, 640), 0.5), intrinsics)
+    assert "an image of 1280 x 720" in doubt_principal_point([view]).reason
+    # the same image, cut out of a larger one
+    assert doubt_principal_point([strand.View.from_depth(np.full((470, 640), 0.5), intrinsics)]) is None
+
+
+def test_a_rope_of_unknown_radius_cannot_be_seen_from_too_far():
+    far = images(1e3 * DEPTH)
+    assert "depth_scale=0.001" in doubt_far_depths(far, 1e3 * R, K[0, 0]).reason
+    assert doubt_far_depths(images(20.0 * DEPTH), 20.0 * R, K[0, 0]) is None
+
+
 def test_a_rope_cannot_be_seen_from_too_far():
     assert doubt_far_depths(images(), R) is None
     assert doubt_far_depths(images(1e3 * DEPTH), 1e3 * R) is None

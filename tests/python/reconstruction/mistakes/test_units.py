@@ -73,7 +73,7 @@ def test_depths_in_centimetres_are_too_far_for_the_camera():
     focal = float(MADE.intrinsics[0, 0])
     centimetres = [make_view(DEPTH, 100.0)]
     assert "are more than" in doubt_far_depths(centimetres, 6e-3, focal).reason
-    assert doubt_far_depths(centimetres, 6e-2, focal) is None
+    assert doubt_far_depths([make_view(DEPTH, 90.0)], 6e-2, focal) is None
     # a wall far behind a thin rope
     assert doubt_far_depths([make_view(DEPTH, 20.0)], 1.5e-3, focal) is None
 
