@@ -20,7 +20,9 @@ from strand.tracking.certainty import (
     pack_doubts,
     unpack_doubts,
 )
+from strand.tracking.opinions import Entered
 from strand.tracking.rope_state import make_state
+from strand.tracking.stepping import Step
 
 LINE = np.stack([np.linspace(0.0, 0.3, 60), np.zeros(60), np.zeros(60)], axis=1)
 HIDDEN = Doubt("hidden end", 1.4, "where a rope ends", "something stands in front", LINE[0])
@@ -59,6 +61,22 @@ def test_later_answers_make_a_rope_surer_and_contradictions_less_sure():
     assert [doubt.kind for doubt in doubted.doubts] == ["rival"]
     assert contradict_certainty(doubted, 0.91) is doubted
     assert contradict_certainty(surer, 1.0).confidence == 0.0
+
+
+def test_an_answer_that_enters_confirms_replaces_or_contradicts():
+    rope, chain = begin_certainty(make_rope(), make_chain(0.7, END)), make_chain(0.95)
+    worse = make_chain(0.6, END)
+    step = Step((rope,), np.zeros(1), 0.0, 100)
+    for taken, agrees, dissents, said, expected in (
+        (None, True, False, chain, 0.95),
+        (None, True, False, worse, 0.7),
+        (step, False, False, worse, 0.6),
+        (step, True, False, worse, 0.7),
+        (None, False, True, chain, 0.05),
+        (None, False, False, chain, 0.7),
+    ):
+        entered = Entered(taken, agrees, dissents, 0.95, (said,))
+        assert entered.weigh([rope])[0].confidence == pytest.approx(expected)
 
 
 def test_an_end_that_is_seen_settles_its_doubt():
