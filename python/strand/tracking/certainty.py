@@ -16,6 +16,7 @@ from strand.ropes.model import Model
 from strand.tracking.rope_state import RopeState, measure_offset
 
 _HIDDEN = "hidden end"
+_NEAR = 4.0  # radii around a hidden end: other doubts there are about the same end
 
 
 def begin_certainty(rope: RopeState, chain: Chain) -> RopeState:
@@ -23,9 +24,24 @@ def begin_certainty(rope: RopeState, chain: Chain) -> RopeState:
 
     Hidden ends do not count: `covered_ends` and `length_sd` say how far a rope goes on below a cover.
     """
-    others = [doubt for doubt in chain.doubts if doubt.kind != _HIDDEN]
+    others = _drop_hidden_ends(chain)
     confidence = chain.confidence * math.exp(measure_bound(chain.doubts) - measure_bound(others))
     return replace(rope, confidence=min(confidence, 1.0), doubts=chain.doubts)
+
+
+def _drop_hidden_ends(chain: Chain) -> list[Doubt]:
+    """Return a chain's doubts without those about ends that something hides."""
+    ends = [doubt.place for doubt in chain.doubts if doubt.kind == _HIDDEN and doubt.place is not None]
+
+    def is_there(doubt: Doubt) -> bool:
+        place = doubt.place
+        return place is not None and any(np.linalg.norm(place - end) < _NEAR * chain.radius for end in ends)
+
+    return [
+        doubt
+        for doubt in chain.doubts
+        if doubt.kind != _HIDDEN and not (doubt.kind == "end" and is_there(doubt))
+    ]
 
 
 def confirm_certainty(rope: RopeState, chain: Chain) -> RopeState:

@@ -344,10 +344,12 @@ class Tracker:
         if self._chosen is None or not agree(chosen.model, self._chosen.model):
             ropes = begin_ropes(chosen, self._settings.ropes, self._settings.lengths, certain)
             self._start(keep_order(self._ropes, ropes), chosen, frame)
-            return
-        self._ropes = tuple(map(confirm_certainty, self._ropes, match_chains(chosen.model, self._ropes)))
-        if certain:
+        elif certain:
             self._ropes = tuple(replace(rope, state=TRACKING) for rope in self._ropes)
+        for answer in self._answers:
+            if agree(answer.model, chosen.model):
+                chains = match_chains(answer.model, self._ropes)
+                self._ropes = tuple(map(confirm_certainty, self._ropes, chains))
 
     def _choose(self, frame: Frame) -> tuple[Beginning, bool] | None:
         """Ask a first frame; return the best answer so far, and whether it is certain."""

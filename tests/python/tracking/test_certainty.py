@@ -44,6 +44,12 @@ def test_hidden_ends_do_not_count():
     # the end's own bound stays
     assert rope.confidence == pytest.approx(0.495 * math.exp(0.5 * 1.4 - 0.2 * (0.4 - 0.15)))
     assert rope.doubts == (HIDDEN, END)
+    # another doubt about the same end does not count either
+    same, far = (replace(END, amount=1.2, place=LINE[0] + [x, 0.0, 0.0]) for x in (0.015, 0.017))
+    bound = 0.2 * (1.2 - 0.15)
+    for other, left in ((same, 0.0), (far, bound)):
+        again = begin_certainty(make_rope(), make_chain(0.4, HIDDEN, other))
+        assert again.confidence == pytest.approx(0.4 * math.exp(0.7 - left))
     assert begin_certainty(make_rope(), make_chain(1.0, HIDDEN)).confidence == 1.0
     assert math.isnan(begin_certainty(make_rope(), make_chain(float("nan"))).confidence)
 
