@@ -172,7 +172,7 @@ def _mask_by_color(view: strand.View, settings: Settings) -> strand.View:
 def _judge(track: Track) -> str:
     """Return what is wrong with a track, in words."""
     if not track.ropes:
-        return "no rope is found yet"
+        return f"no rope is found yet: {track.reason}" if track.reason else "no rope is found yet"
     lost = [str(rope.number) for rope in track.ropes if rope.state == "lost"]
     if lost:
         return f"lost: rope {', '.join(lost)}"
