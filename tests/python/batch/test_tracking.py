@@ -195,7 +195,8 @@ def test_frames_out_of_order_and_without_ropes(frames, tmp_path):
     (unit,) = find_units([path], SETTINGS, tmp_path)
     rows = make_rows(unit, replace(SETTINGS, topics=["/camera_0/depth"])).to_pylist()
     assert [row["rope"] for row in rows] == [None, 0, 0, 0, None]
-    assert rows[0]["warnings"] == ["no rope: the tracker has found none so far"]
+    why = "views: no view has a point; are all depths 0 or not finite?"
+    assert rows[0]["warnings"] == [f"no rope: the tracker has found none so far: {why}"]
     assert (rows[0]["error"], rows[0]["events"]) == (None, [])
     assert f"time: expected a time after {stamp_of(frames[3]) / 1e9:.15g} s" in rows[4]["error"]
 
