@@ -73,14 +73,30 @@ impl Bits {
         self.words[word] & once & !again & set & empty & !side
     }
 
-    /// Removes pixels until none can be removed.
-    fn thin(&mut self) {
+    /// Returns the same by the rules of Guo and Hall, which keep diagonals whole.
+    fn removable_whole(&self, word: usize, second: bool) -> u64 {
+        let [n, ne, e, se, s, sw, w, nw] = self.around(word);
+        let two_of = |[a, b, c, d]: [u64; 4]| a & b | c & d | (a | b) & (c | d);
+        let rises = [!n & (ne | e), !e & (se | s), !s & (sw | w), !w & (nw | n)];
+        let once = rises.into_iter().fold(0, |sum, rise| sum | rise) & !two_of(rises);
+        let (some, others) = ([nw | n, ne | e, se | s, sw | w], [n | ne, e | se, s | sw, w | nw]);
+        let full = some.into_iter().chain(others).fold(u64::MAX, |all, pair| all & pair);
+        let side = if second { (s | sw | !nw) & w } else { (n | ne | !se) & e };
+        self.words[word] & once & two_of(some) & two_of(others) & !full & !side
+    }
+
+    /// Removes pixels until none can be removed; with `whole`, diagonals keep their length.
+    fn thin(&mut self, whole: bool) {
         // words whose surroundings changed since the last half round of this kind
         let mut open: Vec<usize> = (0..self.words.len()).filter(|&k| self.words[k] != 0).collect();
         let mut listed = vec![0; self.words.len()];
         let (mut before, mut changed) = (open.clone(), Vec::new());
         for half in 1.. {
-            let gone: Vec<u64> = open.iter().map(|&word| self.removable(word, half % 2 == 0)).collect();
+            let second = half % 2 == 0;
+            let removable = |&word: &usize| {
+                if whole { self.removable_whole(word, second) } else { self.removable(word, second) }
+            };
+            let gone: Vec<u64> = open.iter().map(removable).collect();
             changed.clear();
             for (&word, gone) in open.iter().zip(gone) {
                 if gone != 0 {
@@ -144,11 +160,20 @@ fn is_simple(p: &[bool; 8]) -> bool {
 /// Returns the remaining pixels, ascending. No chosen pixel may be on the border. The method is that of Zhang and Suen,
 /// *A fast parallel algorithm for thinning digital patterns*.
 pub fn thinned(pixels: impl IntoIterator<Item = usize>, width: usize, height: usize) -> Vec<usize> {
+    thinned_by(false, pixels, width, height)
+}
+
+fn thinned_by(
+    whole: bool,
+    pixels: impl IntoIterator<Item = usize>,
+    width: usize,
+    height: usize,
+) -> Vec<usize> {
     let mut bits = Bits::new(width, height);
     for k in pixels {
         bits.set(k, true);
     }
-    bits.thin();
+    bits.thin(whole);
     bits.smooth();
     bits.pixels()
 }
@@ -157,6 +182,14 @@ pub fn thinned(pixels: impl IntoIterator<Item = usize>, width: usize, height: us
 pub fn find_skeleton(mask: &Image<bool>) -> Vec<usize> {
     let set = (0..mask.values.len()).filter(|&k| mask.values[k]);
     thinned(set, mask.width, mask.height)
+}
+
+/// Returns the skeleton of a mask with an empty border, whose diagonals keep their length: pixels, ascending.
+///
+/// The method is that of Guo and Hall, *Parallel thinning with two-subiteration algorithms*.
+pub fn find_whole_skeleton(mask: &Image<bool>) -> Vec<usize> {
+    let set = (0..mask.values.len()).filter(|&k| mask.values[k]);
+    thinned_by(true, set, mask.width, mask.height)
 }
 
 /// Estimates the rope's radius in the image, pixels: the 30th percentile of the skeleton's distances from the edge.
@@ -222,12 +255,31 @@ mod tests {
             }
             let mut bits = Bits::new(width, height);
             (0..width * height).filter(|&k| mask.values[k]).for_each(|k| bits.set(k, true));
-            bits.thin();
+            bits.thin(false);
             let left: Vec<usize> =
                 by_pixel(&mask).iter().enumerate().filter(|(_, v)| **v).map(|(k, _)| k).collect();
             assert!(!left.is_empty());
             assert_eq!(bits.pixels(), left, "{width} x {height}");
         }
+    }
+
+    #[test]
+    fn a_diagonal_of_even_width_keeps_its_length() {
+        let (width, height) = (120, 120);
+        let diagonal = Image {
+            width,
+            height,
+            values: (0..width * height)
+                .map(|k| {
+                    let (x, y) = (k % width, k / width);
+                    (10..110).contains(&x)
+                        && (10..110).contains(&y)
+                        && (-3..=4).contains(&(x as i64 - y as i64))
+                })
+                .collect(),
+        };
+        assert!(find_skeleton(&diagonal).len() < 10);
+        assert!(find_whole_skeleton(&diagonal).len() > 95);
     }
 
     #[test]

@@ -20,6 +20,10 @@ _MARGIN = 6.0  # of the map around the ropes, greatest radii
 _MAX_CELLS = 16_000_000  # of a map: more are no ropes
 _OCCUPIED = 0.38  # density of a rope at least, its upper quartile
 _WELL_SEEN = 0.3  # density at which heights count, the same
+_AROUND = (
+    6.0  # standard deviation of the stretch around a cell that tells how dense ropes are, greatest radii
+)
+_COARSE = 0.5  # side of the blocks of cells that are taken together for it, greatest radii
 _FLOOR = 0.3  # density at which the table is seen, its median
 _MIN_FLOOR = 1e-6  # points in a cell where the table counts as seen at all
 _MIN_SHARE = 0.3  # of the points in a cell are of a rope, where noise lifts points of the table
@@ -168,7 +172,8 @@ def make_map(
     typical = float(np.percentile(density[density > 0.0], 75.0)) if (density > 0.0).any() else 0.0
     if typical <= 0.0:
         raise NotEnoughDataError("views: no points of a rope in the extraction range")
-    mask = density > _OCCUPIED * typical
+    dense = np.minimum(typical, _measure_around(density, greatest / cell)) if len(clouds) > 1 else typical
+    mask = density > _OCCUPIED * dense
     area = (least / cell) ** 2
     mask = _drop_specks(mask, 0.5 * _MAX_SPECK * area)
     mask = ~_drop_specks(~mask, _MAX_HOLE * area)
@@ -178,7 +183,7 @@ def make_map(
     mask = _core.convolved(mask.astype(np.float32), _make_kernel(_EDGE * least / cell)) > 0.5
     if not mask.any():
         raise NotEnoughDataError("views: the ropes' points are too few, or lie too far apart, to draw a map")
-    well_seen = density >= _WELL_SEEN * typical
+    well_seen = density >= _WELL_SEEN * dense
     around = _make_kernel(_SPREAD * greatest / cell)
     spread = [
         _core.convolved(np.where(well_seen, values, 0.0).astype(np.float32), around)
@@ -209,6 +214,24 @@ def _add_up(
     density = np.bincount(cells[near], weights[near], count)
     sums = np.bincount(cells[near], weights[near] * heights[near], count)
     return density.reshape(shape).astype(np.float32), sums.reshape(shape).astype(np.float32)
+
+
+def _measure_around(density: NDArray[np.float32], radius: float) -> NDArray[np.float32]:
+    """Return how dense ropes are around each cell: fewer views see some places; `radius` is in cells."""
+    step = max(int(radius * _COARSE), 1)
+    rows, columns = (-(-size // step) for size in density.shape)
+    padded = np.zeros((rows * step, columns * step), dtype=np.float32)
+    padded[: density.shape[0], : density.shape[1]] = density
+    blocks = padded.reshape(rows, step, columns, step)
+    kernel = _make_kernel(_AROUND * radius / step)
+    # weighted by itself, so that the ropes' middles count
+    sums, squares = (
+        _core.convolved(np.ascontiguousarray(values.sum(axis=(1, 3))), kernel)
+        for values in (blocks, blocks**2)
+    )
+    around = squares / np.maximum(sums, np.float32(_MIN_DENSITY))
+    fine = np.repeat(np.repeat(around, step, axis=0), step, axis=1).astype(np.float32)
+    return fine[: density.shape[0], : density.shape[1]]
 
 
 def _raise_to_neighbors(values: Array) -> Array:

@@ -1,7 +1,7 @@
 //! Skeletons of masks as networks of pixels.
 
 use crate::images::image::Image;
-use crate::images::thinning::find_skeleton;
+use crate::images::thinning::find_whole_skeleton;
 
 const MARGIN: usize = 2; // pixels around a mask that thinning needs
 
@@ -20,7 +20,7 @@ pub fn trace(mask: &Image<bool>) -> Traced {
     for (row, values) in mask.values.chunks_exact(mask.width.max(1)).enumerate() {
         framed.values[(row + MARGIN) * width + MARGIN..][..mask.width].copy_from_slice(values);
     }
-    let net = Net::new(find_skeleton(&framed), width, &mut Image::filled(width, height, 0u32));
+    let net = Net::new(find_whole_skeleton(&framed), width, &mut Image::filled(width, height, 0u32));
     let place = |i: usize| [net.pixels[i] / width - MARGIN, net.pixels[i] % width - MARGIN].map(|x| x as i64);
     let meeting: Vec<bool> = (0..net.len()).map(|i| net.near(i).len() >= 3).collect();
     let (numbers, count) = net.groups(&meeting);

@@ -8,6 +8,7 @@ import pytest
 from strand import _core
 from strand.reconstruction.harness.lines import trace_lines
 from strand.reconstruction.harness.places import decide_places
+from strand.reconstruction.harness.strands import follow_strands
 from strand.reconstruction.harness.surface_map import SurfaceMap
 
 CELL = 0.001
@@ -81,6 +82,14 @@ def test_an_end_under_a_strand_is_an_end():
     decided = decide([((20, 120), (120, 120), LOW, LOW), *over])
     assert not decided.junctions
     assert [laid.under for laid in decided.laid] == [True]
+
+
+def test_a_diagonal_strand_keeps_its_length():
+    drawn = draw([((30, 30.5), (190, 190.5), LOW, LOW)])
+    lines = trace_lines(drawn, RADIUS)
+    (strand,) = follow_strands(lines, decide_places(lines, drawn, on_table=True), drawn, None)
+    length = np.linalg.norm(strand.nodes[-1] - strand.nodes[0])
+    assert length > CELL * np.hypot(160, 160)
 
 
 def test_a_strand_over_a_junction_leaves_it_one():
