@@ -26,6 +26,7 @@ _STEP = 0.5  # radii: length of the steps into which ropes are cut
 _MAX_STEPS = 200_000  # of all ropes; longer steps beyond
 _RETURN = 0.5  # radii that a rope runs back before it counts as another leg
 _MAX_BEND_OVERLAP = 0.05  # radii that a bend may enter the fingers' clearance
+_PLACE_SDS = 2.0  # standard deviations of the rope's place, and of its end's, that the fingers allow for
 _STEEP_ANGLE = np.radians(45.0)  # radians: a rope this near to the approach cannot be held
 
 REASONS = {
@@ -36,6 +37,7 @@ REASONS = {
     "between": "another strand, or the other leg of a bend, lies between the jaws",
     "fingers": "another strand is in the way of a finger or of the palm",
     "bend": "the rope bends too tightly for the fingers",
+    "end": "a finger would reach past the rope's end",
     "table": "the table is in the way of a finger or of the palm",
 }
 """Reasons why a place has no grasp, by kind."""
@@ -282,12 +284,7 @@ def _try_place(
     if np.linalg.norm(straight) < np.sin(_STEEP_ANGLE):
         return "steep"
     straight /= np.linalg.norm(straight)
-    # two standard deviations of the place across the rope
-    spread = 0.0
-    if chain.covariance is not None:
-        y = np.cross(straight, x)
-        variance = float(y @ chain.interpolated(chain.covariance, s) @ y)
-        spread = 2.0 * float(np.sqrt(max(variance, 0.0)))
+    spread = _measure_spread(chain, s, np.cross(straight, x))
     if least + 2.0 * spread > gripper.opening:
         return "unsure"
     widths = [least + 2.0 * spread + share * (gripper.opening - least - 2.0 * spread) for share in _OPENINGS]
@@ -324,7 +321,25 @@ def _try_place(
                 pose = np.eye(4)
                 pose[:3, :3], pose[:3, 3] = axes, place
                 best = Grasp(which, s, pose, width, tip, clearance, gap, free, on_top, score)
-    return worst if best is None else best
+    if best is None:
+        return worst
+    return best if _fits_between_ends(chain, s, gripper.width) else "end"
+
+
+def _measure_spread(chain: Line, s: float, direction: Array) -> float:
+    """Return by how much the rope may lie elsewhere along a unit vector, metres."""
+    if chain.covariance is None:
+        return 0.0
+    variance = float(direction @ chain.interpolated(chain.covariance, s) @ direction)
+    return _PLACE_SDS * float(np.sqrt(max(variance, 0.0)))
+
+
+def _fits_between_ends(chain: Line, s: float, width: float) -> bool:
+    """Return whether fingers of a width hold rope along all of it, wherever the ends may be."""
+    ends = () if chain.closed else (0.0, chain.length)
+    return all(
+        abs(s - end) >= 0.5 * width + _measure_spread(chain, end, chain.tangent_at(end)) for end in ends
+    )
 
 
 def _select_steps(

@@ -133,7 +133,7 @@ class Model:
     >>> print(model.crossings()[0])
     chain 1 at 100 mm passes over chain 0 at 100 mm, probability 0.692
     >>> print(model.grasps(strand.Gripper(opening=0.04, width=0.01, thickness=0.008, depth=0.04))[0])
-    chain 1 at 3 mm, jaws 40.0 mm open, score 0.88
+    chain 1 at 8 mm, jaws 40.0 mm open, score 0.88
     >>> print(model.pull_plan().pulls[0])
     lift the end of chain 1 at 0 mm, 218 mm along (0.34, 0.94, 0.00)
     >>> model.nearest(np.array([[0.05, 0.0, 0.1]])).distance.round(3).tolist()
@@ -443,7 +443,8 @@ class Model:
         Places are half a finger's width apart. At each place the gripper comes down across the rope. Its
         approach is turned about the rope by 0, 15 or 30 degrees to either side; openings and depths of the
         tips vary. No other strand, and no second leg of a bend, may lie between the jaws. Fingers and palm (a
-        box as deep as the fingers) keep the gripper's clearance from all strands and the table.
+        box as deep as the fingers) keep the gripper's clearance from all strands and the table. Ends of ropes
+        are half a finger's width and two of their standard deviations away, or more.
 
         The score is the mean of four parts: clearance c as c / (c + half the opening); length f to the next
         crossing as f / (f + opening); 1 if the rope is on top there; and cos(turn)^4.

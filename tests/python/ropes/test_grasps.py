@@ -105,7 +105,7 @@ def test_jaws_do_not_close_on_both_legs_of_a_bend(bend):
 
 def test_a_rope_alone_on_a_table_is_held_from_above_everywhere():
     found = make_model(LINE).grasps(GRIPPER, TABLE)
-    assert not found.refused
+    assert {refused.kind for refused in found.refused} == {"end"}
     for grasp in found:
         np.testing.assert_allclose(grasp.approach, [0, 0, -1], atol=1e-12)
         assert grasp.clearance == np.inf
@@ -152,6 +152,26 @@ def test_without_room_there_is_no_grasp_but_reasons():
     sunk = make_model(Chain(LINE.points - [0, 0, 0.01], R)).grasps(GRIPPER, TABLE)
     assert (len(sunk), {refused.kind for refused in sunk.refused}) == (0, {"table"})
     assert len(make_model().grasps(GRIPPER)) == 0
+
+
+@pytest.mark.parametrize("sd", [0.0, 0.002])
+@pytest.mark.parametrize("width", [0.006, 0.01, 0.03])
+def test_fingers_hold_rope_along_all_of_their_width(width, sd):
+    along = np.zeros((101, 3, 3))
+    along[[0, -1], 0, 0] = sd**2
+    gripper = dataclasses.replace(GRIPPER, width=width)
+    found = make_model(Chain(LINE.points, R, covariance=along)).grasps(gripper, TABLE)
+    least = 0.5 * width + 2.0 * sd
+    nearest = min(min(grasp.s, LINE.length - grasp.s) for grasp in found)
+    # places are half a width, or a radius, apart
+    assert least <= nearest <= least + max(0.5 * width, R)
+    assert [(refused.kind, refused.stretch[0] < least) for refused in found.refused] == [
+        ("end", True),
+        ("end", False),
+    ]
+    # a finger as wide as the rope is long finds no place
+    none = make_model(LINE).grasps(dataclasses.replace(GRIPPER, width=1.01 * LINE.length), TABLE)
+    assert (len(none), [refused.kind for refused in none.refused]) == (0, ["end"])
 
 
 def test_rings_are_held_over_their_seam():
