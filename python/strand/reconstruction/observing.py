@@ -26,6 +26,7 @@ from strand.reconstruction.stages import Observed, Run
 from strand.reconstruction.wide_surfaces import describe_surface
 from strand.ropes.doubt import Doubt
 from strand.ropes.model import Model
+from strand.ropes.netlist import Netlist
 from strand.support.checks import round_to_millimeters
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
@@ -57,6 +58,8 @@ class Hints:
         Whether ropes may branch.
     wire : float or None
         The radius of a wire, of which branching ropes are bundles, metres.
+    net : Netlist or None
+        The branching ropes as they should be.
     """
 
     radii: Radii | None
@@ -66,6 +69,7 @@ class Hints:
     previous: Model | None
     branches: bool = False
     wire: float | None = None
+    net: Netlist | None = None
 
 
 @dataclass(frozen=True, eq=False)

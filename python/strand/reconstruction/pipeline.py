@@ -24,6 +24,7 @@ from strand.reconstruction.published.method import find_chains as find_published
 from strand.reconstruction.radius import Radii
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.ropes.model import Model
+from strand.ropes.netlist import Netlist
 from strand.support.checks import check_bool, check_instance, check_positive
 from strand.views.box import Bounds, make_box
 from strand.views.extract import Extract, extract_views
@@ -47,7 +48,7 @@ def reconstruct(
     keep_stages: bool = False,
     progress: Callable[[str], None] | None = None,
     deadline: float | None = None,
-    branches: bool = False,
+    branches: bool | Netlist = False,
     wire: float | None = None,
 ) -> Model:
     """Turn depth-camera views of ropes into ordered centrelines.
@@ -95,10 +96,12 @@ def reconstruct(
         it skipped in a doubt and a warning of kind "deadline". There is always an answer: an early deadline
         leaves the shortest way to it, with fewer points. With a deadline, the answer depends on the machine's
         speed.
-    branches : bool
+    branches : bool or Netlist
         Whether the ropes may branch, as the branches of a wire harness do. The answer is then a graph,
         `Model.harness`; a rope is a graph of one edge. Radii may change at junctions. With `branches`, there
-        is no `ropes` and no `length`, and the method is the default one.
+        is no `ropes` and no `length`, and the method is the default one. A netlist is the harness as it
+        should be: its branches and lengths decide where heights do not, and an answer that lacks some of them
+        has a doubt.
     wire : float, optional
         The radius of one wire, metres, if the branches are bundles of equal wires. Edges then have a number
         of wires, unless the data contradict it. Only with `branches`.
@@ -193,9 +196,10 @@ def _check(
     return Hints(radii, box, prior, config, previous)
 
 
-def _allow_branches(hints: Hints, branches: bool, wire: float | None) -> Hints:
+def _allow_branches(hints: Hints, branches: bool | Netlist, wire: float | None) -> Hints:
     """Check what the caller knows of ropes that branch."""
-    if not check_bool("branches", branches):
+    net = branches if isinstance(branches, Netlist) else None
+    if net is None and not check_bool("branches", branches):
         if wire is not None:
             raise ValueError("wire: expected None without branches=True")
         return hints
@@ -203,7 +207,8 @@ def _allow_branches(hints: Hints, branches: bool, wire: float | None) -> Hints:
         raise ValueError(f"branches: expected False with the {hints.config.method} method")
     if hints.prior.ropes is not None or hints.prior.lengths:
         raise ValueError("branches: expected False with ropes or length: edges of a graph are no ropes")
-    return replace(hints, branches=True, wire=None if wire is None else check_positive("wire", wire))
+    wire = None if wire is None else check_positive("wire", wire)
+    return replace(hints, branches=True, wire=wire, net=net)
 
 
 def _start(begun: float, progress: Callable[[str], None] | None, deadline: float | None) -> Run:

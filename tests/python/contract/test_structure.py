@@ -62,7 +62,7 @@ MAX_PAGE_LINES = {
     "docs/method.md": 220,
     "docs/promises.md": 130,
 }
-MAX_DOCUMENTATION_LINES = 3540  # of all pages at the root and in docs/
+MAX_DOCUMENTATION_LINES = 3560  # of all pages at the root and in docs/
 SHARED_STEMS = {"__init__", "method"}  # modules that several folders of reconstruction/ may have
 
 Graph = dict[str, set[str]]

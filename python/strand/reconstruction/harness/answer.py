@@ -17,6 +17,7 @@ from strand.reconstruction.harness.certainty import judge
 from strand.reconstruction.harness.flat_bundles import find_flat_bundles
 from strand.reconstruction.harness.graph import Graph, make_graph, make_harness
 from strand.reconstruction.harness.method import FoundHarness, find_harness
+from strand.reconstruction.harness.net_evidence import doubt_differences
 from strand.reconstruction.harness.wires import choose_radii, list_bundles
 from strand.reconstruction.images.border_ends import doubt_ends_at_border
 from strand.reconstruction.observing import Hints, Scene
@@ -47,7 +48,7 @@ def answer_with_harness(scene: Scene, hints: Hints, run: Run, keep_stages: bool)
     strand.NotEnoughDataError
         If the views show no ropes.
     """
-    harness = find_harness(scene.observed, hints.config, run, hints.wire)
+    harness = find_harness(scene.observed, hints.config, run, hints.wire, hints.net)
     found = _collect(harness, scene)
     poses, pose_sd = collect_poses(scene, found)
     upwards = find_up(scene, found, found.chains, hints.previous)
@@ -62,6 +63,9 @@ def answer_with_harness(scene: Scene, hints: Hints, run: Run, keep_stages: bool)
     if flat.any() and len(chains) > 1:
         reason = "wires lie side by side, and part where no width tells"
         wire_doubts.append(Doubt("rival", _FLAT, "where strands meet", reason))
+    answer = make_harness(graph, chains, certainty.nodes, wires)
+    if hints.net is not None:
+        wire_doubts += doubt_differences(hints.net, answer)
     own = [*certainty.doubts, *wire_doubts, *upwards.doubts, *cut]
     for doubt in own:
         if doubt.amount >= _MIN_WARNED:
@@ -80,7 +84,7 @@ def answer_with_harness(scene: Scene, hints: Hints, run: Run, keep_stages: bool)
         up=upwards.up,
         table=upwards.table,
         stamp=max((view.stamp for view in scene.extract.whole if view.stamp is not None), default=None),
-        harness=make_harness(graph, chains, certainty.nodes, wires),
+        harness=answer,
     )
 
 

@@ -72,8 +72,10 @@ class Place:
     margin: float
 
 
-def find_places(lines: Lines, drawn: SurfaceMap, on_table: bool) -> list[Place]:
-    """Return the places and their readings that cost least together.
+def list_layouts(
+    lines: Lines, drawn: SurfaceMap, on_table: bool, most: int
+) -> list[tuple[float, list[Place]]]:
+    """Return the places and their readings that cost least together, and the next best graphs.
 
     Parameters
     ----------
@@ -81,11 +83,18 @@ def find_places(lines: Lines, drawn: SurfaceMap, on_table: bool) -> list[Place]:
     drawn : SurfaceMap
     on_table : bool
         Whether ropes lie on a table, so that a crossing rises above its surroundings.
+    most : int
+        How many graphs are returned at most.
+
+    Returns
+    -------
+    list of (float, list of Place)
+        The cost over the least, and the places; the cheapest first.
     """
     ends = [lines.list_ends(hub) for hub in range(len(lines.hubs))]
     ports = {end: measure_port(*end, lines, drawn) for at in ends for end in at}
     lengths = _measure_arcs(lines, drawn)
-    places = []
+    layouts: list[tuple[float, list[Place]]] = [(0.0, [])]
     for hubs, reach in _list_clusters(lines, lengths, _MAX_MIDDLE, range(len(lines.hubs))):
         short = {
             number: length
@@ -102,8 +111,12 @@ def find_places(lines: Lines, drawn: SurfaceMap, on_table: bool) -> list[Place]:
             for number in short
             if all(len(ends[hub]) == 3 for hub in lines.arcs[number].hubs)
         }
-        places += _solve(hubs, groups, {lines.arcs[number].hubs: cost for number, cost in levels.items()})
-    return places
+        solved = _solve(
+            hubs, groups, {lines.arcs[number].hubs: cost for number, cost in levels.items()}, most
+        )
+        layouts = [(cost + more, [*places, *own]) for cost, places in layouts for more, own in solved]
+        layouts = sorted(layouts, key=lambda layout: layout[0])[:most]
+    return layouts
 
 
 def _measure_arcs(lines: Lines, drawn: SurfaceMap) -> dict[int, float]:
@@ -207,8 +220,10 @@ def _price_between(
     return price_level(own, hubs, lines.arcs[number].cells, drawn, on_table) if len(own) == 4 else 0.0
 
 
-def _solve(hubs: Sequence[int], groups: Sequence[Group], levels: dict[tuple[int, int], float]) -> list[Place]:
-    """Return the readings of groups, which hold each hub once, that cost least together."""
+def _solve(
+    hubs: Sequence[int], groups: Sequence[Group], levels: dict[tuple[int, int], float], most: int
+) -> list[tuple[float, list[Place]]]:
+    """Return the readings of groups, which hold each hub once, that cost least; the next graphs too."""
     solutions: list[tuple[float, list[tuple[int, int]]]] = []
     least = np.inf
     by_first: dict[int, list[int]] = {hub: [] for hub in hubs}
@@ -247,24 +262,31 @@ def _solve(hubs: Sequence[int], groups: Sequence[Group], levels: dict[tuple[int,
             chosen,
             _describe([(groups[number], groups[number].readings[place]) for number, place in chosen]),
         )
-        for cost, chosen in solutions
+        for cost, chosen in sorted(solutions)
     ]
-    least, _, graph = min(described, key=lambda found: found[0])
-    # the smallest places tell most closely where strands meet
-    _, _, best = min(
-        (sum(len(groups[number].inner) for number, _ in chosen), cost, chosen)
-        for cost, chosen, own in described
-        if own == graph and cost < least + _ALIKE
-    )
-    others = [(cost - least, set(chosen)) for cost, chosen, own in described if own != graph]
-    return [
-        Place(
-            groups[number],
-            groups[number].readings[place],
-            min((more for more, chosen in others if (number, place) not in chosen), default=np.inf),
+    found: list[tuple[float, list[Place]]] = []
+    graphs: list[list[tuple[str, ...]]] = []
+    for cost, _, graph in described:
+        if graph in graphs or len(graphs) == most:
+            continue
+        graphs.append(graph)
+        # the smallest places tell most closely where strands meet
+        _, _, best = min(
+            (sum(len(groups[number].inner) for number, _ in chosen), other, chosen)
+            for other, chosen, own in described
+            if own == graph and other < cost + _ALIKE
         )
-        for number, place in best
-    ]
+        others = [(other - cost, set(chosen)) for other, chosen, own in described if own != graph]
+        places = [
+            Place(
+                groups[number],
+                groups[number].readings[place],
+                min((more for more, chosen in others if (number, place) not in chosen), default=np.inf),
+            )
+            for number, place in best
+        ]
+        found.append((cost - described[0][0], places))
+    return found
 
 
 def _limit_levels(group: Group, reading: Reading) -> dict[int, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,18 +11,22 @@ from strand._core import NotEnoughDataError
 from strand.config import Config
 from strand.reconstruction.harness.alone import find_alone
 from strand.reconstruction.harness.ground import Ground, find_ground
+from strand.reconstruction.harness.groups import list_layouts
 from strand.reconstruction.harness.joint_fit import Fitted, fit_harness
 from strand.reconstruction.harness.lines import Lines, trace_lines
-from strand.reconstruction.harness.places import Decisions, decide_places
+from strand.reconstruction.harness.net_evidence import weigh_layouts
+from strand.reconstruction.harness.places import Decisions, collect_decisions, decide_places
 from strand.reconstruction.harness.strands import Strand, follow_strands, list_pairs, reach_edges
 from strand.reconstruction.harness.surface_map import SurfaceMap, make_map
 from strand.reconstruction.harness.wires import choose_radii, list_bundles
 from strand.reconstruction.stages import Observed, Run
 from strand.reconstruction.tubes.clouds import Clouds
 from strand.reconstruction.wide_surfaces import describe_surface
+from strand.ropes.netlist import Netlist
 from strand.support.checks import Array
 
 _MAX_WIDTH = 1.8  # half width of strands whose points may be a surface, greatest radii
+_MAX_LAYOUTS = 12  # that a netlist chooses from
 _MAX_STRANDS = 120  # of a harness: more are a net, or no ropes
 
 
@@ -55,7 +59,9 @@ class FoundHarness:
     traced: bool
 
 
-def find_harness(observed: Observed, config: Config, run: Run, wire: float | None = None) -> FoundHarness:
+def find_harness(
+    observed: Observed, config: Config, run: Run, wire: float | None = None, net: Netlist | None = None
+) -> FoundHarness:
     """Find the graph of ropes that branch.
 
     Parameters
@@ -65,6 +71,8 @@ def find_harness(observed: Observed, config: Config, run: Run, wire: float | Non
     run : Run
     wire : float, optional
         The radius of a wire, metres, if strands are bundles of wires.
+    net : Netlist, optional
+        The harness as it should be: evidence where heights do not decide.
 
     Raises
     ------
@@ -86,13 +94,13 @@ def find_harness(observed: Observed, config: Config, run: Run, wire: float | Non
                 f"views: the points make {len(lines.arcs)} strands, at most {_MAX_STRANDS}: a net, or noise; "
                 "give bounds or masks of the ropes alone"
             )
-        decided = decide_places(lines, drawn, ground.table is not None)
+        decided = _decide(lines, drawn, ground.table is not None, possible, net)
         strands = follow_strands(lines, decided, drawn, possible)
         if not strands:
             raise NotEnoughDataError("views: the points make no strand; is the radius right, in metres?")
         _refuse_surfaces(strands, observed, radii[1])
         places = _lift_junctions(decided, strands)
-        ask = len(lines.hubs) and not _are_bundles(strands, len(places), given)
+        ask = len(lines.hubs) and net is None and not _are_bundles(strands, len(places), given)
         alone = find_alone(observed, drawn, config, run) if ask else None
         if alone is not None:
             strands, places = [reach_edges(strand, drawn) for strand in alone], np.zeros((0, 3))
@@ -103,6 +111,26 @@ def find_harness(observed: Observed, config: Config, run: Run, wire: float | Non
         )
         fitted = fit_harness(clouds, strands, places, ground.motions, given, bundles, config)
     return FoundHarness(drawn, ground, lines, decided, strands, places, fitted, alone is not None)
+
+
+def _decide(
+    lines: Lines, drawn: SurfaceMap, on_table: bool, radii: Array | None, net: Netlist | None
+) -> Decisions:
+    """Decide what each place is: as costs least, or least together with a netlist."""
+    if net is None:
+        return decide_places(lines, drawn, on_table)
+    layouts = list_layouts(lines, drawn, on_table, _MAX_LAYOUTS)
+    decided = [collect_decisions(lines, drawn, places) for _, places in layouts]
+    found = [(follow_strands(lines, one, drawn, radii), len(one.junctions)) for one in decided]
+    costs = np.array([cost for cost, _ in layouts]) + weigh_layouts(net, found)
+    best = int(costs.argmin())
+    rival = float(np.sort(costs)[1] - costs[best]) if len(costs) > 1 else np.inf
+    # where the netlist decides, a place is as sure as the whole
+    places = [
+        replace(place, margin=rival) if (place.margin < rival and best == 0) or place.margin < 0.0 else place
+        for place in layouts[best][1]
+    ]
+    return collect_decisions(lines, drawn, places)
 
 
 def _refuse_surfaces(strands: list[Strand], observed: Observed, radius: float) -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from strand.reconstruction.harness.groups import find_places
+from strand.reconstruction.harness.groups import Place, list_layouts
 from strand.reconstruction.harness.lines import Lines
 from strand.reconstruction.harness.parting import find_parting, find_tip
 from strand.reconstruction.harness.surface_map import SurfaceMap
@@ -101,11 +102,17 @@ def decide_places(lines: Lines, drawn: SurfaceMap, on_table: bool) -> Decisions:
     on_table : bool
         Whether ropes lie on a table, so that a crossing rises above its surroundings.
     """
+    ((_, places),) = list_layouts(lines, drawn, on_table, 1)
+    return collect_decisions(lines, drawn, places)
+
+
+def collect_decisions(lines: Lines, drawn: SurfaceMap, places: Sequence[Place]) -> Decisions:
+    """Return what the places of a layout are: junctions, crossings, and ends that lie on strands."""
     junctions: list[Junction] = []
     passings: list[Passing] = []
     laid: list[LaidEnd] = []
     inner: set[int] = set()
-    for number, place in enumerate(find_places(lines, drawn, on_table)):
+    for number, place in enumerate(places):
         group, reading = place.group, place.reading
         inner.update(group.inner)
         ends = [(port.arc, port.end) for port in group.ports]

@@ -1,0 +1,71 @@
+"""A netlist as evidence: which of several layouts of a harness it speaks for, and where an answer differs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from strand.reconstruction.harness.strands import Strand, list_pairs
+from strand.ropes.doubt import Doubt
+from strand.ropes.harness import Harness
+from strand.ropes.net_matching import match_netlist
+from strand.ropes.netlist import Netlist
+from strand.support.checks import Array
+
+_TOLERANCE = 0.05  # relative standard deviation of lengths before the fit, and of the harness's own
+_MAX_EVIDENCE = 4.0  # costs that a netlist adds at most: clear heights weigh more
+_UNMATCHED = 100.0  # cost of a layout that matches nowhere
+_DIFFERS = 0.35  # doubt of an answer that lacks branches of the netlist, or has more
+
+
+def weigh_layouts(net: Netlist, layouts: Sequence[tuple[list[Strand], int]]) -> Array:
+    """Return the cost (K,) that a netlist adds to layouts.
+
+    Parameters
+    ----------
+    net : Netlist
+    layouts : sequence of (list of Strand, int)
+        The strands, and the number of junctions.
+    """
+    costs = []
+    for strands, junctions in layouts:
+        pairs = list_pairs(strands, junctions)
+        found = [
+            (*pair, _measure_length(strand), strand.half_width, None)
+            for pair, strand in zip(pairs, strands, strict=True)
+        ]
+        match = match_netlist(net, found, _TOLERANCE)
+        named = any(node is not None for node in match.nodes.values())
+        costs.append(match.cost if named else _UNMATCHED)
+    return np.minimum(np.array(costs) - min(costs), _MAX_EVIDENCE)
+
+
+def doubt_differences(net: Netlist, harness: Harness) -> list[Doubt]:
+    """Doubt a harness that lacks branches of a netlist, or has more."""
+    match = harness.match(net)
+    own = _find_part(harness, [node for node in match.nodes.values() if node is not None])
+    missing = [f"{edge.start} to {edge.stop} is missing" for edge in match.missing]
+    # what hangs not together with it is another rope
+    extra = [f"edge {number} is too many" for number in match.extra if harness.edges[number].start in own]
+    if not missing and not extra:
+        return []
+    reason = f"it differs from the netlist: {', '.join([*missing, *extra])}"
+    return [Doubt("rival", _DIFFERS, "which harness it is", reason)]
+
+
+def _find_part(harness: Harness, nodes: Sequence[int]) -> set[int]:
+    """Return the nodes that hang together with some."""
+    found = set(nodes)
+    for _ in harness.nodes:
+        found |= {
+            node
+            for edge in harness.edges
+            for node in (edge.start, edge.stop)
+            if found & {edge.start, edge.stop}
+        }
+    return found
+
+
+def _measure_length(strand: Strand) -> float:
+    return float(np.linalg.norm(np.diff(strand.nodes, axis=0), axis=1).sum())
