@@ -113,7 +113,8 @@ def run(options: argparse.Namespace) -> None:
 def _print_tables(model: strand.Model, estimated: bool) -> None:
     """Print the chains, crossings, confidence, remarks and times."""
     if estimated and model.chains:
-        print(f"radius: {model.chains[0].radius * 1e3:.2f} mm, estimated from the views", end="\n\n")
+        radius, sd = 1e3 * model.chains[0].radius, 1e3 * model.chains[0].radius_sd
+        print(f"radius: {radius:.2f} ± {sd:.2f} mm, estimated from the views", end="\n\n")
     print(tables.describe_chains(model), end="\n\n")
     if crossings := tables.describe_crossings(model):
         print(crossings, end="\n\n")

@@ -58,9 +58,10 @@ def test_an_unknown_radius_is_estimated_and_printed(tmp_path, capsys):
     write_folder(tmp_path, radius="")
     assert main(["reconstruct", str(tmp_path), "-o", str(tmp_path / "a.json")]) == 0
     out, err = capsys.readouterr()
-    (shown,) = re.findall(r"^radius: (\d\.\d\d) mm, estimated from the views$", out, re.MULTILINE)
+    pattern = r"^radius: (\d\.\d\d) ± (\d\.\d\d) mm, estimated from the views$"
+    ((shown, sd),) = re.findall(pattern, out, re.MULTILINE)
     (chain,) = strand.load_model(tmp_path / "a.json").chains
-    assert shown == f"{1e3 * chain.radius:.2f}"
+    assert (shown, sd) == (f"{1e3 * chain.radius:.2f}", f"{1e3 * chain.radius_sd:.2f}")
     assert float(shown) == pytest.approx(4.2, rel=0.05)
     assert "strand: radius" in err.splitlines()
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from strand.reconstruction.finding.standing import find_tabletop
 from strand.reconstruction.finding.strips import OtherObject, segment_ropes
 from strand.reconstruction.finding.widths import estimate_strip_radius, measure_strip_lengths
 from strand.reconstruction.images.above_table import segment_above_table
+from strand.reconstruction.images.mask_radius import estimate_mask_radius, estimate_radius_by_area
 from strand.reconstruction.radius import Radii
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
@@ -32,6 +34,7 @@ _SHORT = 25.0  # radii: length of a clear strip
 _MIN_SHARE = 0.3  # of the length of all pieces: a long one has more
 _SPECKS = "depth shows many short pieces on the table and no long one, as noise and patterns do"
 _MIN_MISSED = 20.0  # radii: colour misses a rope if a longer strip stands on the table without it
+_SAME_RADIUS = 0.1  # logarithm of radii: two measures of one radius differ by less
 _MIN_LENGTH = 14.0  # radii: some view shows a strip of a rope that is longer
 
 
@@ -60,7 +63,8 @@ class FoundRopes:
         The views with the ropes alone: depth images have a mask, and points of other things are dropped.
         Views with a mask and views that show no table stay as they are.
     radius : float or None
-        The half width of most strips, metres; None if there is no table.
+        The ropes' radius, metres, by the strips' width, area and height; None if there is no table. With a
+        given radius, the half width of most strips.
     tables : tuple of ((3,) ndarray, float) or None
         Each view's table: its unit normal n towards the camera, world frame, and n.x, metres. None where a
         view shows no table.
@@ -139,19 +143,19 @@ def segment_in_all(
     """
     shown = _find_in_colors(extract, earlier)
     if shown is None:
-        by_height, pictures = segment_views(extract, radii)
-        if _shows_specks(by_height):
+        by_height, pictures, width = segment_views(extract, radii)
+        if _shows_specks(by_height, width):
             raise NoRopeError(f"views: {_SPECKS}; give colours, or masks")
         return by_height, pictures
     scatter = max(one.scatter for one in shown)
     if not any(one.mask.any() for one in shown):
         reasons = "; ".join(dict.fromkeys(one.why for one in shown))
         try:
-            by_height, pictures = segment_views(extract, radii)
+            by_height, pictures, width = segment_views(extract, radii)
         except NoRopeError as error:
             raise NoRopeError(f"{error}; colours show none either: {reasons}", error.low_things) from None
         unclear = by_height.radius is not None and (
-            not _is_resolved(scatter, by_height.radius, radii) or _shows_specks(by_height)
+            not _is_resolved(scatter, width, radii) or _shows_specks(by_height, width)
         )
         if unclear:
             raise NoRopeError(f"views: depth resolves no rope on the table, and colours show none: {reasons}")
@@ -161,18 +165,18 @@ def segment_in_all(
     if not shaded and (by_color.by_color or not any(one.missed for one in shown)):
         return by_color, {}
     try:
-        by_height, pictures = segment_views(extract, radii)
+        by_height, pictures, width = segment_views(extract, radii)
     except NoRopeError:
         return replace(by_color, by_color=True), {}
     if by_height.radius is None:
         return by_color, {}
     if shaded:
         # shadows beside ropes are as thin as these; a rope's height tells them apart
-        resolved = _is_resolved(scatter, by_height.radius, radii) and not _shows_specks(by_height)
+        resolved = _is_resolved(scatter, width, radii) and not _shows_specks(by_height, width)
         return (by_height, pictures) if resolved else (replace(by_color, by_color=True), {})
-    if _shows_specks(by_height):
+    if _shows_specks(by_height, width):
         return by_color, {}
-    radius = float(by_color.radius or 0.0)
+    radius = _find_strip_radius(shown)
     for high, colored in zip(by_height.views, by_color.views, strict=True):
         if high.image is not None and high.mask is not None and colored.mask is not None:
             near = _core.measure_edge_distances(np.asarray(~colored.mask), _BESIDE + 1) <= _BESIDE
@@ -192,14 +196,17 @@ def segment_by_color(
     return _take_colors(extract, shown, radii)
 
 
-def _shows_specks(found: FoundRopes) -> bool:
-    """Tell whether what stands on the table is many pieces, the longest of which is a small share of all."""
+def _shows_specks(found: FoundRopes, width: float) -> bool:
+    """Tell whether what stands on the table is many pieces, the longest of which is a small share of all.
+
+    `width` is the strips' half width, metres.
+    """
     for view in found.views:
         if view.image is not None and view.mask is not None and found.radius is not None:
             lengths = measure_strip_lengths(view.image)
             specks = lengths[1:][lengths[1:] > 0.0]
             longest = float(specks.max(initial=0.0))
-            most = _MAX_SPECKS if longest > _SHORT * found.radius else _MAX_SHORT_SPECKS
+            most = _MAX_SPECKS if longest > _SHORT * width else _MAX_SHORT_SPECKS
             if len(specks) > most and longest < _MIN_SHARE * specks.sum():
                 return True
     return False
@@ -228,16 +235,51 @@ def _take_colors(extract: Extract, shown: Sequence[ShownInColor], radii: Array |
         masked(view, replace(image, labels=labels))
         for view, image, labels in zip(extract.whole, images, match_labels(shown, images), strict=True)
     )
-    own = [one for one in shown if one.mask.any()]
-    radius = float(np.median([one.radius for one in own]))
-    resolved = any(_is_resolved(one.scatter, radius, radii) for one in own)
+    radius = _find_strip_radius(shown)
+    resolved = any(_is_resolved(one.scatter, radius, radii) for one in shown if one.mask.any())
+    if radii is None:
+        radius = _measure_by_color(views, radius)
     return FoundRopes(views, radius, tuple(one.plane for one in shown), (), by_color=not resolved)
 
 
-def segment_views(extract: Extract, radii: Array | None) -> tuple[FoundRopes, dict[int, DepthImage]]:
+def _find_strip_radius(shown: Sequence[ShownInColor]) -> float:
+    """Return the radius, metres, by the half width of the strips in the views' colours."""
+    return float(np.median([one.radius for one in shown if one.mask.any()]))
+
+
+def _measure_by_color(views: Sequence[View], width: float) -> float:
+    """Return the ropes' radius, metres, by the area of single strands in masks of colour.
+
+    The strips' half width is too small: edges are ragged, and the middle may lie between pixels.
+    """
+    found = list(_measure_masks(views, lambda image: estimate_radius_by_area(image)[0]))
+    return float(np.median(found)) if found else width
+
+
+def _measure_by_height(views: Sequence[View], width: float) -> float:
+    """Return the ropes' radius, metres, given the half width of strips that stand on the table.
+
+    Noise makes these strips wider or narrower. Where area and height of the ropes contradict the half width,
+    they give the radius.
+    """
+    found = list(_measure_masks(views, lambda image: float(estimate_mask_radius(image)[0][0])))
+    if not found or abs(np.log(np.median(found) / width)) < _SAME_RADIUS:
+        return width
+    return float(np.median(found))
+
+
+def _measure_masks(views: Sequence[View], measure: Callable[[DepthImage], float]) -> Iterator[float]:
+    for view in views:
+        if view.image is not None and view.mask is not None:
+            with suppress(NotEnoughDataError):
+                yield measure(view.image)
+
+
+def segment_views(extract: Extract, radii: Array | None) -> tuple[FoundRopes, dict[int, DepthImage], float]:
     """Segment ropes of (K,) radii, metres, as `find_ropes` does.
 
-    Also return images made of views without one, with a mask of the ropes, by the number of the view.
+    Also return images made of views without one, with a mask of the ropes, by the number of the view, and the
+    half width of most strips, metres.
     """
     tops = {
         k: top
@@ -247,7 +289,7 @@ def segment_views(extract: Extract, radii: Array | None) -> tuple[FoundRopes, di
     found = list(extract.whole)
     tables: list[Plane | None] = [None] * len(found)
     if not tops:
-        return FoundRopes(extract.whole, None, tuple(tables), ()), {}
+        return FoundRopes(extract.whole, None, tuple(tables), ()), {}, float("nan")
     width = estimate_strip_radius(
         [replace(top.image, labels=top.image.mask & top.inside) for top in tops.values()]
     )
@@ -270,8 +312,9 @@ def segment_views(extract: Extract, radii: Array | None) -> tuple[FoundRopes, di
         low_things = any(_measure_area(image) > 2.0 * _MIN_LENGTH * thin * thin for image in shown)
         raise NoRopeError(f"views: {_explain_none(others, longest, own, extract.bounds)}", low_things)
     pictures = {k: image for k, image in zip(tops, shown, strict=True) if extract.whole[k].image is None}
-    ropes = FoundRopes(tuple(found), width, tuple(tables), tuple(others), low_strips=tuple(low_strips))
-    return ropes, pictures
+    radius = _measure_by_height(found, width) if radii is None else width
+    ropes = FoundRopes(tuple(found), radius, tuple(tables), tuple(others), low_strips=tuple(low_strips))
+    return ropes, pictures, width
 
 
 def _fill(extract: Extract, number: int, image: DepthImage) -> DepthImage:

@@ -35,20 +35,26 @@ def estimate_mask_radius(image: DepthImage) -> tuple[Array, Array]:
     strand.NotEnoughDataError
         If the mask shows no rope with depth.
     """
-    radius, chains = _estimate_by_area(image)
+    radius, chains = estimate_radius_by_area(image)
     table = find_table_beside_ropes(image, radius)
     if table is not None and chains:
         by_height = 0.5 * _measure_height(image, np.vstack(chains), table) / _SEEN_HEIGHT
         least = max(by_height, _MIN_SHARE * radius)
         (slim,) = slim_fat_masks([image], table, None, _SEEN_HEIGHT * least)
         if slim is not image:
-            radius, _ = _estimate_by_area(slim)
+            radius, _ = estimate_radius_by_area(slim)
         radius = 0.5 * (radius + min(max(by_height, _MIN_SHARE * radius), _MAX_SHARE * radius))
     return np.array([radius]), np.array([_SD * radius])
 
 
-def _estimate_by_area(image: DepthImage) -> tuple[float, list[Array]]:
-    """Return the radius by a mask's area, metres, and the strands that it was measured along, pixels."""
+def estimate_radius_by_area(image: DepthImage) -> tuple[float, list[Array]]:
+    """Return the radius by a mask's area, metres, and the strands that it was measured along, pixels.
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If the mask shows no rope with depth.
+    """
     pixels = _core.estimate_mask_radius(image.mask)
     if pixels is None or np.isnan(image.distance):
         raise NotEnoughDataError("views: the masks show no rope with depth")

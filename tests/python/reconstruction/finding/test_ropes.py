@@ -191,3 +191,22 @@ def test_noise_as_high_as_ropes_is_refused_early():
     # strand used to search among all pieces for 20 s
     with pytest.raises(strand.NoRopeError, match="many short pieces"):
         strand.reconstruct([view])
+
+
+def test_colors_show_the_radius_without_bias():
+    errors = []
+    for kind in ("two ropes", "shadows", "hand"):
+        for seed in (210, 211, 212):
+            made = color_scene(kind, seed)
+            found = strand.find_ropes(made.views)
+            errors.append(found.radius / made.scene.radius - 1.0)
+    assert np.abs(errors).max() < 0.1
+    assert abs(np.mean(errors)) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"), [("plain", 445), ("two ropes", 456), ("plain", 400), ("shadows", 448)]
+)
+def test_noise_that_makes_strips_wider_or_narrower_leaves_the_radius(kind, seed):
+    made = color_scene(kind, seed).scene
+    assert strand.find_ropes(made.views).radius == pytest.approx(made.radius, rel=0.1)
