@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+import strand._core as _core
 from strand.support.checks import Array, check_float_array, check_positive, to_array
 from strand.support.lazy import lazy_property
 from strand.views.pinhole import Pinhole, Pixels
@@ -75,6 +76,11 @@ class DepthImage:
         """The median depth of the ropes' pixels, metres; NaN if none has depth."""
         depths = self.mask_depths[self.mask_depths > 0]
         return float(np.median(depths)) if len(depths) else float("nan")
+
+    @lazy_property
+    def mask_radius(self) -> float | None:
+        """The ropes' radius in the image by the widths of the mask, pixels; None if it shows no rope."""
+        return _core.estimate_mask_radius(self.mask)
 
     def frame_mask(self, margin: int) -> tuple[slice, slice]:
         """Return the rows and columns at most `margin` pixels around the mask, which is not empty."""

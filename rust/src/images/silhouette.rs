@@ -4,7 +4,7 @@
 
 use crate::images::image::{Blobs, Image, Run, find_blobs, measure_distances};
 use crate::images::surroundings::{Ropes, Shown, Surroundings};
-use crate::images::thinning::{find_skeleton, shown_radius};
+use crate::images::thinning::find_skeleton;
 use crate::parallel;
 
 /// A place on the edge of a mask.
@@ -18,6 +18,68 @@ pub struct Edge {
     pub weight: f64,
 }
 
+/// A mask, magnified, without specks and small holes, and the middles of its strands.
+#[derive(Debug, Clone)]
+pub struct Strokes {
+    /// The mask, magnified.
+    pub(crate) inside: Image<bool>,
+    /// Its skeleton: indices into the magnified image.
+    pub(crate) skeleton: Vec<usize>,
+    /// Distance inside the magnified mask from its edge, original pixels; 0 outside.
+    pub(crate) depth: Image<f32>,
+    /// The magnification.
+    pub(crate) scale: usize,
+    /// Original column and row of the magnified image's corner.
+    origin: [f64; 2],
+}
+
+impl Strokes {
+    /// Prepares the mask of an image of `width` columns; None if it is empty without specks.
+    pub fn new(mask: &[bool], width: usize, radius_px: f64, scale: usize) -> Option<Self> {
+        let Filled { inside, origin, .. } = Filled::new(mask, width, radius_px, scale)?;
+        let (skeleton, depth) = trace_strands(&inside, scale);
+        Some(Self { inside, skeleton, depth, scale, origin })
+    }
+
+    /// Returns the original column and row of a pixel of the magnified image.
+    #[inline(always)]
+    pub(crate) fn original(&self, x: usize, y: usize) -> [f64; 2] {
+        let scale = self.scale as f64;
+        [(x as f64 + 0.5) / scale - 0.5 + self.origin[0], (y as f64 + 0.5) / scale - 0.5 + self.origin[1]]
+    }
+}
+
+/// A mask, magnified, without specks and small holes.
+struct Filled {
+    inside: Image<bool>,
+    origin: [f64; 2],
+    ragged: f64,
+}
+
+impl Filled {
+    fn new(mask: &[bool], width: usize, radius_px: f64, scale: usize) -> Option<Self> {
+        let (origin, small, ragged) = remove_specks(mask, width, radius_px * radius_px)?;
+        let mut inside =
+            small.smoothed(SMOOTHING + ragged * RAGGED_SMOOTHING * radius_px).magnified(scale, 0.5);
+        let area = radius_px * radius_px * (scale * scale) as f64;
+        let filled = (MAX_HOLE + ragged * RAGGED_HOLE) * area;
+        inside.fill_holes(|size| (size as f64) < filled);
+        inside.turn_blobs(true, true, |size| (size as f64) < MAX_SPECK * area);
+        inside.values.contains(&true).then_some(Self { inside, origin, ragged })
+    }
+}
+
+/// Returns the skeleton of a magnified mask, and the distance of its pixels from the edge, original pixels.
+fn trace_strands(inside: &Image<bool>, scale: usize) -> (Vec<usize>, Image<f32>) {
+    let (skeleton, mut depth) =
+        parallel::both(|| find_skeleton(inside), || measure_distances(inside, true, inside.height));
+    for inner in &mut depth.values {
+        // the edge runs between the pixels
+        *inner = (*inner - 0.5).max(0.0) / scale as f32;
+    }
+    (skeleton, depth)
+}
+
 /// A mask with the distances from its edge. Columns and rows are those of the original image.
 #[derive(Debug, Clone)]
 pub struct Silhouette {
@@ -29,20 +91,11 @@ pub struct Silhouette {
     pub boundary: Vec<Edge>,
     /// The mask, with a margin around it.
     pub(crate) mask: Image<bool>,
-    /// The mask, magnified.
-    pub(crate) inside: Image<bool>,
-    /// Its skeleton: indices into the magnified image.
-    pub(crate) skeleton: Vec<usize>,
-    /// Distance inside the magnified mask from its edge, original pixels; 0 outside.
-    pub(crate) depth: Image<f32>,
+    pub(crate) strokes: Strokes,
     /// Signed distance, positive inside, original pixels.
     signed: Image<f32>,
     /// The signed distance, slightly smoothed, for gradients.
     smooth: Image<f32>,
-    /// The magnification.
-    pub(crate) scale: usize,
-    /// Original column and row of the magnified image's corner.
-    origin: [f64; 2],
     /// Raggedness of the mask, 0 to 1.
     pub ragged: f64,
     /// The depth beside it, if known.
@@ -72,33 +125,13 @@ impl Silhouette {
     /// Specks are removed and small holes filled. A mask with many of both is ragged: its edge is smoothed more, and
     /// larger holes are filled.
     pub fn new(mask: &[bool], width: usize, radius_px: f64, scale: usize) -> Option<Self> {
-        let (origin, small, ragged) = remove_specks(mask, width, radius_px * radius_px)?;
-        let (w, h) = (small.width, small.height);
-        let bh = h * scale;
-        let mut inside =
-            small.smoothed(SMOOTHING + ragged * RAGGED_SMOOTHING * radius_px).magnified(scale, 0.5);
-        let area = radius_px * radius_px * (scale * scale) as f64;
-        let filled = (MAX_HOLE + ragged * RAGGED_HOLE) * area;
-        inside.fill_holes(|size| (size as f64) < filled);
-        inside.turn_blobs(true, true, |size| (size as f64) < MAX_SPECK * area);
-        if !inside.values.contains(&true) {
-            return None;
-        }
+        let Filled { inside, origin, ragged } = Filled::new(mask, width, radius_px, scale)?;
+        let (w, h) = (inside.width / scale, inside.height / scale);
         let reach = ((EXACT * radius_px + 4.0) * scale as f64).ceil() as usize;
-        let (skeleton, (mut depth, mut signed)) = parallel::both(
-            || find_skeleton(&inside),
-            || {
-                parallel::both(
-                    || measure_distances(&inside, true, bh),
-                    || measure_distances(&inside, false, reach),
-                )
-            },
-        );
-        let step = scale as f32;
-        for (outer, inner) in signed.values.iter_mut().zip(&mut depth.values) {
-            // the edge runs between the pixels
-            *outer = if *inner > 0.0 { *inner - 0.5 } else { 0.5 - *outer } / step;
-            *inner = (*inner - 0.5).max(0.0) / step;
+        let ((skeleton, depth), mut signed) =
+            parallel::both(|| trace_strands(&inside, scale), || measure_distances(&inside, false, reach));
+        for (outer, &inner) in signed.values.iter_mut().zip(&depth.values) {
+            *outer = if inner > 0.0 { inner } else { (0.5 - *outer) / scale as f32 };
         }
         let smooth = signed.smoothed(1.0);
         let (boundary, mask) = (Vec::new(), Image::filled(w, h, false));
@@ -107,13 +140,9 @@ impl Silhouette {
             shown_px: radius_px,
             boundary,
             mask,
-            inside,
-            skeleton,
-            depth,
+            strokes: Strokes { inside, skeleton, depth, scale, origin },
             signed,
             smooth,
-            scale,
-            origin,
             ragged,
             surroundings: None,
         };
@@ -128,7 +157,7 @@ impl Silhouette {
     /// strands side by side.
     pub fn of_rope(mask: &[bool], width: usize, radius_px: f64) -> Option<Self> {
         let mut made = Self::new(mask, width, radius_px, find_scale(radius_px))?;
-        let shown = shown_radius(&made.skeleton, &made.depth)?;
+        let shown = shown_radius(&made.strokes)?;
         let more = shown - radius_px;
         let grown = if shown < SIDE_BY_SIDE * radius_px { MAX_GROWN } else { MAX_GROWN_WIDE };
         if more > -OTHER[0] && more < grown + OTHER[1] {
@@ -161,9 +190,8 @@ impl Silhouette {
 
     /// Estimates the rope's radius in the image from the mask alone, pixels.
     pub fn shown_radius(mask: &[bool], width: usize) -> Option<f64> {
-        let shown = |made: &Self| shown_radius(&made.skeleton, &made.depth);
-        let rough = shown(&Self::new(mask, width, 1.0, 1)?)?.max(0.5);
-        shown(&Self::new(mask, width, rough, 2)?)
+        let rough = shown_radius(&Strokes::new(mask, width, 1.0, 1)?)?.max(0.5);
+        shown_radius(&Strokes::new(mask, width, rough, 2)?)
     }
 
     /// Projects the pixels near the edge onto it: one for each pixel of edge, or for each third of the radius of a
@@ -177,7 +205,7 @@ impl Silhouette {
                 if away.abs() > near {
                     continue;
                 }
-                let at = [x as f64 + self.origin[0], y as f64 + self.origin[1]];
+                let at = [x as f64 + self.strokes.origin[0], y as f64 + self.strokes.origin[1]];
                 let gradient = self.gradient(at);
                 let norm = (gradient[0] * gradient[0] + gradient[1] * gradient[1]).sqrt();
                 if norm < 0.2 {
@@ -201,22 +229,22 @@ impl Silhouette {
     #[inline]
     pub fn pixel_distance(&self, x: usize, y: usize) -> f64 {
         // the first and the last of the magnified pixels at the centre
-        let (first, last) = ((self.scale - 1) / 2, self.scale / 2);
-        let (i, j) = (x * self.scale, y * self.scale);
+        let (first, last) = ((self.strokes.scale - 1) / 2, self.strokes.scale / 2);
+        let (i, j) = (x * self.strokes.scale, y * self.strokes.scale);
         let at = |x: usize, y: usize| f64::from(self.signed.at(i + x, j + y));
         0.25 * (at(first, first) + at(last, first) + at(first, last) + at(last, last))
     }
 
     /// The ropes' pixels, for [`Surroundings`].
     pub fn ropes(&self) -> Ropes<'_> {
-        Ropes { mask: &self.mask, corner: self.origin, radius_px: self.radius_px }
+        Ropes { mask: &self.mask, corner: self.strokes.origin, radius_px: self.radius_px }
     }
 
     /// Returns how the distance grows along columns and rows.
     #[inline]
     pub fn gradient(&self, uv: [f64; 2]) -> [f64; 2] {
         let [x, y] = self.magnified(uv);
-        let step = 0.5 * self.scale as f64;
+        let step = 0.5 * self.strokes.scale as f64;
         [
             self.smooth.between(x + step, y) - self.smooth.between(x - step, y),
             self.smooth.between(x, y + step) - self.smooth.between(x, y - step),
@@ -225,22 +253,32 @@ impl Silhouette {
 
     /// Original column and row of the first pixel of the frame, and its size.
     pub fn frame(&self) -> ([f64; 2], [usize; 2]) {
-        (self.origin, [self.inside.width / self.scale, self.inside.height / self.scale])
+        (
+            self.strokes.origin,
+            [self.strokes.inside.width / self.strokes.scale, self.strokes.inside.height / self.strokes.scale],
+        )
     }
 
     /// Returns a place in the magnified image.
     #[inline(always)]
     pub(crate) fn magnified(&self, uv: [f64; 2]) -> [f64; 2] {
-        let scale = self.scale as f64;
-        [(uv[0] - self.origin[0] + 0.5) * scale - 0.5, (uv[1] - self.origin[1] + 0.5) * scale - 0.5]
+        let scale = self.strokes.scale as f64;
+        [
+            (uv[0] - self.strokes.origin[0] + 0.5) * scale - 0.5,
+            (uv[1] - self.strokes.origin[1] + 0.5) * scale - 0.5,
+        ]
     }
+}
 
-    /// Returns the original column and row of a pixel of the magnified image.
-    #[inline(always)]
-    pub(crate) fn original(&self, x: usize, y: usize) -> [f64; 2] {
-        let scale = self.scale as f64;
-        [(x as f64 + 0.5) / scale - 0.5 + self.origin[0], (y as f64 + 0.5) / scale - 0.5 + self.origin[1]]
+/// Estimates the rope's radius in the image, pixels: the 30th percentile of the skeleton's distances from the edge.
+fn shown_radius(strokes: &Strokes) -> Option<f64> {
+    let mut widths: Vec<f32> = strokes.skeleton.iter().map(|&k| strokes.depth.values[k]).collect();
+    if widths.is_empty() {
+        return None;
     }
+    let rank = (widths.len() - 1) * 3 / 10;
+    let (_, found, _) = widths.select_nth_unstable_by(rank, f32::total_cmp);
+    Some(f64::from(*found))
 }
 
 /// Returns the magnification of a mask of ropes of a radius, pixels.

@@ -192,17 +192,6 @@ pub fn find_whole_skeleton(mask: &Image<bool>) -> Vec<usize> {
     thinned_by(true, set, mask.width, mask.height)
 }
 
-/// Estimates the rope's radius in the image, pixels: the 30th percentile of the skeleton's distances from the edge.
-pub fn shown_radius(skeleton: &[usize], depth: &Image<f32>) -> Option<f64> {
-    let mut widths: Vec<f32> = skeleton.iter().map(|&k| depth.values[k]).collect();
-    if widths.is_empty() {
-        return None;
-    }
-    let rank = (widths.len() - 1) * 3 / 10;
-    let (_, found, _) = widths.select_nth_unstable_by(rank, f32::total_cmp);
-    Some(f64::from(*found))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

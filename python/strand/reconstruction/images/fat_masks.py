@@ -62,7 +62,7 @@ def slim_fat_masks(
 def _slim_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: float) -> DepthImage:
     mask = image.mask
     pixels = radius * image.camera.focal[0] / image.distance
-    shown = _core.estimate_mask_radius(mask)
+    shown = image.mask_radius
     if shown is None:
         return image
     window = image.frame_mask(_MARGIN + int(_AROUND * pixels))

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-import strand._core as _core
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 
@@ -28,7 +27,7 @@ def magnify_thin_ropes(images: Sequence[DepthImage], radius: float) -> tuple[lis
     given = float(np.median([radius * image.camera.focal[0] / image.distance for image in images]))
     if not given < _THIN_RADIUS:
         return list(images), 1
-    shown = [_core.estimate_mask_radius(image.mask) or 0.0 for image in images]
+    shown = [image.mask_radius or 0.0 for image in images]
     # a mask may be wider than the rope in it
     pixels = max(given, float(np.median(shown)))
     if pixels >= _THIN_RADIUS:

@@ -55,7 +55,7 @@ def estimate_radius_by_area(image: DepthImage) -> tuple[float, list[Array]]:
     strand.NotEnoughDataError
         If the mask shows no rope with depth.
     """
-    pixels = _core.estimate_mask_radius(image.mask)
+    pixels = image.mask_radius
     if pixels is None or np.isnan(image.distance):
         raise NotEnoughDataError("views: the masks show no rope with depth")
     if reason := explain_many_parts(count_mask_parts(image.mask, pixels)):

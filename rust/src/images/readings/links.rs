@@ -227,7 +227,7 @@ pub fn make_link(
     if let Some(way) = skeleton.way(zone, a, b)
         && way.len() > 2
     {
-        starts.push(smoothed(&way, (3.0 * radius_px * silhouette.scale as f64) as usize));
+        starts.push(smoothed(&way, (3.0 * radius_px * silhouette.strokes.scale as f64) as usize));
     }
     starts.push(hermite(a, da, b, [-db[0], -db[1]]));
     let mut best: Option<Link> = None;

@@ -3,7 +3,7 @@
 use super::planar::{Place, distance, length, resampled, smoothed};
 use super::skeleton::Net;
 use crate::images::image::Image;
-use crate::images::silhouette::Silhouette;
+use crate::images::silhouette::Strokes;
 use crate::images::thinning::thinned;
 
 const WIDE: f64 = 1.35; // the skeleton of more than one strand is farther than this from the edge, image radii
@@ -56,14 +56,13 @@ pub struct Network {
 }
 
 impl Skeleton {
-    /// Thins a mask, prunes spurs that reach out at most `spur` image radii, and finds zones.
-    pub fn new(silhouette: &Silhouette, spur: f64) -> Self {
-        let radius_px = silhouette.radius_px;
-        let scale = silhouette.scale as f64;
-        let width = silhouette.inside.width;
-        let mut numbers = Image::filled(width, silhouette.inside.height, 0u32);
-        let mut pixels = silhouette.skeleton.clone();
-        let depth_at = |k: usize| f64::from(silhouette.depth.values[k]);
+    /// Prunes spurs of a mask's skeleton that reach out at most `spur` image radii, and finds zones.
+    pub fn new(strokes: &Strokes, radius_px: f64, spur: f64) -> Self {
+        let scale = strokes.scale as f64;
+        let width = strokes.inside.width;
+        let mut numbers = Image::filled(width, strokes.inside.height, 0u32);
+        let mut pixels = strokes.skeleton.clone();
+        let depth_at = |k: usize| f64::from(strokes.depth.values[k]);
         let (net, junction) = loop {
             let net = Net::new(pixels, width, &mut numbers);
             let junction: Vec<bool> = (0..net.len()).map(|i| net.near(i).len() >= 3).collect();
@@ -76,9 +75,9 @@ impl Skeleton {
                 kept[i as usize] = false;
             }
             let left = net.pixels.iter().zip(&kept).filter(|&(_, &kept)| kept).map(|(&k, _)| k);
-            pixels = thinned(left, width, silhouette.inside.height);
+            pixels = thinned(left, width, strokes.inside.height);
         };
-        let place = |k: usize| silhouette.original(k % width, k / width);
+        let place = |k: usize| strokes.original(k % width, k / width);
         let places: Vec<Place> = net.pixels.iter().map(|&k| place(k)).collect();
         let depth: Vec<f64> = net.pixels.iter().map(|&k| depth_at(k)).collect();
         let zone = find_zones(&net, &junction, &places, &depth, radius_px, scale);

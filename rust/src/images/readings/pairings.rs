@@ -75,7 +75,7 @@ impl Region {
         let height = ((high[1] - origin[1]) / step) as usize + 2;
         let mut region = Self { origin, step, width, height, numbers: Vec::new(), count: 0 };
         let mut inside = vec![false; width * height];
-        for &i in zone.iter().step_by(silhouette.scale) {
+        for &i in zone.iter().step_by(silhouette.strokes.scale) {
             region.stamp(&[skeleton.place(i); 2], skeleton.depth(i) + 0.5 * radius_px, &mut inside, true);
         }
         for (k, value) in inside.iter_mut().enumerate() {

@@ -66,7 +66,7 @@ type ZoneName = (Vec<usize>, Vec<(usize, usize, usize)>);
 pub fn find_readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> Vec<Reading> {
     let radius_px = silhouette.radius_px;
     let votes = Votes::new(silhouette);
-    let skeletons = parallel::map(&SPURS, |&spur| Skeleton::new(silhouette, spur));
+    let skeletons = parallel::map(&SPURS, |&spur| Skeleton::new(&silhouette.strokes, radius_px, spur));
     let [pruned, bushy] = [&skeletons[0], &skeletons[1]];
     let different = if bushy.is_same(pruned) { vec![] } else { vec![(bushy, TIPS)] };
     let ways = parallel::map(&[vec![(pruned, 0.0)], different].concat(), |&(skeleton, more)| {

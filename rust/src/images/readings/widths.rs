@@ -2,7 +2,7 @@
 
 use super::network::{SPURS, Skeleton};
 use super::planar::{Place, length};
-use crate::images::silhouette::{Silhouette, find_scale};
+use crate::images::silhouette::{Strokes, find_scale};
 
 const MIN_LENGTH: f64 = 4.0; // shorter strands may be spurs of a ragged mask, image radii
 /// The radius of a strand that counts as single at most, image radii: near strands are wider than far ones.
@@ -16,10 +16,10 @@ const MERGED: u32 = 1; // owner of pixels that measure nothing: where strands me
 /// strands over their length. Where strands merge, and at ends, nothing is measured. None without a single strand.
 pub fn measure_strands(mask: &[bool], width: usize, radius_px: f64) -> Option<(f64, Vec<Vec<Place>>)> {
     let widest = SLACK * radius_px;
-    let silhouette = Silhouette::new(mask, width, widest, find_scale(widest))?;
-    let skeleton = Skeleton::new(&silhouette, SPURS[0]);
+    let strokes = Strokes::new(mask, width, widest, find_scale(widest))?;
+    let skeleton = Skeleton::new(&strokes, widest, SPURS[0]);
     let network = skeleton.read(widest, false, &[]);
-    let inside = &silhouette.inside;
+    let inside = &strokes.inside;
     let width = inside.width;
     let mut owners = vec![0; inside.values.len()];
     for zone in &network.zones {
@@ -57,6 +57,6 @@ pub fn measure_strands(mask: &[bool], width: usize, radius_px: f64) -> Option<(f
         }
         open = next;
     }
-    let single = (silhouette.scale * silhouette.scale) as f64;
+    let single = (strokes.scale * strokes.scale) as f64;
     (measured > 0.0).then(|| (0.5 * area as f64 / single / measured, strands))
 }
