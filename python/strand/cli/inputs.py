@@ -60,6 +60,8 @@ def choose_frames(options: argparse.Namespace, recording: Recording) -> tuple[in
     """Return the first frame, and that after the last one: of the recording, or of an episode of it."""
     number = options.frame or 0
     if options.episode is None:
+        if number < 0:
+            raise ValueError(describe_missing_frame(number, len(recording)))
         return number, None
     if not recording.episodes:
         raise ValueError(f"--episode: for LeRobot data sets only, and {recording.path} is none")

@@ -11,7 +11,7 @@ from pathlib import Path
 from strand.ropes.model import SUFFIXES
 from strand.support.files import check_suffix, require_writable
 
-_SINGLE = (".ply", ".usda", ".graphml")  # suffixes of files with one frame
+_SEVERAL = (".csv", ".mcap", ".json", ".jsonl")  # suffixes of files with several frames
 
 
 def check_outputs(options: argparse.Namespace, inputs: Sequence[Path]) -> None:
@@ -37,9 +37,9 @@ def check_outputs(options: argparse.Namespace, inputs: Sequence[Path]) -> None:
         more = ("mcap", *(("graphml",) if options.branches else ()))
         if options.every is None:
             check_suffix(options.out, (*SUFFIXES, *more))
-        elif options.out.suffix.lower() in _SINGLE:
+        elif options.out.suffix.lower() not in _SEVERAL:
             raise ValueError(
-                f"--out: with --every, expected a .csv, .mcap or .jsonl file, got {options.out}, of one frame"
+                f"--out: with --every, expected a .csv, .mcap, .json or .jsonl file, got {options.out}"
             )
     if options.tube is not None:
         check_suffix(options.tube, ("ply",))

@@ -32,6 +32,7 @@ from strand.report import figures, tables
 from strand.report.frame_table import format_frame, format_head
 from strand.report.scene_updates import write_mcap
 from strand.ropes.model import describe_model
+from strand.support.checks import check_integer
 from strand.support.extras import import_extra
 from strand.support.files import replace_file
 
@@ -90,6 +91,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Reconstruct a scene's ropes, print them, and write the requested files."""
     if options.every is not None:
+        check_integer("--every", options.every, 1)
         with open_recording(options) as recording:
             check_outputs(options, recording.files)
             _reconstruct_frames(options, recording)

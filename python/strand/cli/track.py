@@ -19,6 +19,7 @@ from strand.batch.settings import RATE
 from strand.batch.table import Row
 from strand.batch.writing import write_rows
 from strand.cli import values
+from strand.cli.inputs import describe_missing_frame
 from strand.cli.options import add_episode, add_pinhole, add_recording, add_ropes
 from strand.cli.outputs import protect_inputs
 from strand.cli.terminal import flush_before_message, print_message
@@ -259,7 +260,7 @@ def _follow(
     if counts.last is None and first_error is not None:
         raise first_error
     if not counts.frames and options.frame:
-        raise ValueError(f"--frame: {options.recording} has no frame from number {options.frame} on")
+        raise ValueError(describe_missing_frame(options.frame, *source.count_frames()))
     if counts.bare + counts.failed == counts.frames:
         reason = counts.last.reason if counts.last is not None else ""
         why = f"; the last one: {reason}" if reason else ""

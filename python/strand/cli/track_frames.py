@@ -10,7 +10,7 @@ from pathlib import Path
 
 from strand.batch import Settings, find_units
 from strand.batch.frames import FrameInput, iterate_frames
-from strand.batch.units import BAG, IMAGES, Unit, list_files, list_images, open_bag
+from strand.batch.units import BAG, IMAGES, Unit, list_files, list_images, list_scenes, open_bag
 from strand.cli.arguments import collect_arguments
 from strand.cli.inputs import collect_settings
 from strand.io.lerobot.layout import is_data_set
@@ -61,7 +61,8 @@ class FrameSource:
             )
         self._unit = units[0]
         self.recording = self._unit.recording
-        self._units = self._choose_units(units, options.episode)
+        self._episode: int | None = options.episode
+        self._units = self._choose_units(units)
         self.starts = frozenset(unit.start for unit in self._units)
         if self._unit.kind == BAG and options.rate is not None:
             raise ValueError(f"--rate: for folders only; {self._path} has the times of its images")
@@ -82,8 +83,19 @@ class FrameSource:
         for unit in self._units:
             yield from iterate_frames(unit, self.settings, self._beside)
 
-    def _choose_units(self, units: list[Unit], episode: int | None) -> list[Unit]:
+    def count_frames(self) -> tuple[int, str]:
+        """Return how many frames there are, and in what: an episode, a recording, or a folder."""
+        if self._unit.kind != BAG:
+            listed = list_images if self._unit.kind == IMAGES else list_scenes
+            return len(listed(self._unit.path)), "folder"
+        with open_bag(self._unit.path, self.settings) as recording:
+            if self._episode is not None:
+                return len(recording.episodes[self._episode]), "episode"
+            return len(recording), "recording"
+
+    def _choose_units(self, units: list[Unit]) -> list[Unit]:
         """Return the units from the first frame on: one, or all episodes of a data set or one of them."""
+        episode = self._episode
         if units[0].kind == BAG and is_data_set(units[0].path):
             if units[0].error is not None:
                 open_bag(units[0].path, self.settings).close()  # raises the error

@@ -180,8 +180,9 @@ def test_a_recording_without_camera_info_is_read_with_intrinsics(tmp_path, capsy
             "topics: no topic /no; rope.bag has /depth (sensor_msgs/msg/Imag",
         ),
         (["rope.bag", "--world", "map"], 2, "no frame 'map' in TF; there are camera, world"),
-        (["rope.bag", "--every", "0"], 2, "step: expected at least 1"),
-        (["rope.bag", "--frame", "-1"], 2, "start: expected at least 0"),
+        (["rope.bag", "--every", "0"], 2, "error: --every: expected at least 1, got 0"),
+        (["rope.bag", "--frame", "-1"], 2, "--frame -1: the recording has 2 frames, 0 to 1"),
+        (["rope.bag", "--frame", "-1", "--every", "1"], 2, "--frame -1: the recording has 2 frames, 0 to 1"),
         (["rope.bag", "--tolerance", "-1"], 2, "tolerance: expected a number >= 0"),
         (["rope.bag", "--mask", "a.png"], 2, "--mask: for scenes only, and rope.bag is a recording"),
         (["rope.bag", "--every", "1", "--figures", "f"], 2, "--figures: for one frame only"),
@@ -260,5 +261,7 @@ def test_frames_are_rows_of_a_table(tmp_path, capsys):
         assert [float(row[f"{axis}_last"]) for axis in "xyz"] == chain["points"][-1]
     assert sum("error" in answer for answer in answers) == 1
     capsys.readouterr()
-    assert main([*command, "-o", str(tmp_path / "frames.ply")]) == 2
-    assert "--out: with --every, expected a .csv, .mcap or .jsonl file" in capsys.readouterr().err
+    for name in ("frames.ply", "frames.parquet", "frames"):
+        assert main([*command, "-o", str(tmp_path / name)]) == 2
+        assert "--out: with --every, expected a .csv, .mcap, .json or .jsonl file" in capsys.readouterr().err
+        assert not (tmp_path / name).exists()

@@ -163,7 +163,7 @@ def folder(frames, tmp_path_factory):
         (
             ["depth", "-o", "a.parquet", *K_WORDS, "--frame", "1"],
             2,
-            "--frame: depth has no frame from number 1 on",
+            "--frame 1: the folder has 1 frame, 0",
         ),
         (["depth", "-o", "a.parquet", *K_WORDS, "--radius", "0"], 2, "radius: "),
         (
