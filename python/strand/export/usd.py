@@ -86,7 +86,13 @@ def _check_pins(pinned: Sequence[tuple[int, float]], chains: Sequence[Line]) -> 
         if not chains:
             raise ValueError("pinned: expected none, as the model has no chains")
         number = check_integer("pinned", pair[0], 0, len(chains) - 1)
-        pins.append((number, check_number("pinned", pair[1])))
+        place, chain = check_number("pinned", pair[1]), chains[number]
+        if not -chain.radius <= place <= chain.length + chain.radius:
+            most = f"{chain.length:.6g} m"
+            raise ValueError(
+                f"pinned: expected an arc length of chain {number}, from 0 to {most}, got {place:g}"
+            )
+        pins.append((number, place))
     return pins
 
 

@@ -646,8 +646,8 @@ class Model:
             Young's modulus along the rope, Pa; 0.3 of it counts against shear. Solvers that iterate need
             more steps with stiffer ropes.
         pinned : sequence of (int, float)
-            Chains and arc lengths of places that do not move, such as `[(0, 0.0)]` for the first end. The
-            nearest end of a segment is attached to the world.
+            Chains and arc lengths, metres, of places that do not move, such as `[(0, 0.0)]` for the first
+            end. The nearest end of a segment is attached to the world.
         tube : bool
             Write each rope's surface as a mesh that follows the curve, see `Chain.tube`.
         """

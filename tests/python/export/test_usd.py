@@ -124,7 +124,7 @@ def test_normals_lie_across_the_segment_after_them(tmp_path, number):
 
 
 def test_pinned_places_are_attached_to_the_world(tmp_path):
-    pins = [(0, ROPE.length), (0, 0.0), (1, 0.1)]
+    pins = [(0, ROPE.length + 0.001), (0, 0.0), (1, 0.1)]  # as a rounded length may be
     stage = load(tmp_path, pinned=pins)
     for number, held in [(0, [0.0, ROPE.length]), (1, [0.1])]:
         pin = get(stage, f"/ropes/rope_{number}/pins")
@@ -196,6 +196,8 @@ def test_files_are_written_whole_or_not_at_all(tmp_path):
         (ValueError, {"pinned": [(0, 0.0, 1.0)]}, "pinned: expected pairs .* got 3 values"),
         (ValueError, {"pinned": [(3, 0.0)]}, "pinned: expected at most 2, got 3"),
         (ValueError, {"pinned": [(0, float("nan"))]}, "pinned: expected a finite number"),
+        (ValueError, {"pinned": [(0, 150.0)]}, "pinned: expected an arc length of chain 0, .*, got 150"),
+        (ValueError, {"pinned": [(1, -0.1)]}, "pinned: expected an arc length of chain 1, .*, got -0.1"),
         (ValueError, {"gravity": (0.0, 1.0)}, "gravity"),
     ]:
         with pytest.raises(error, match=said):
