@@ -18,6 +18,7 @@ from strand.ropes.chain import Chain
 from strand.ropes.crossings import Crossing
 from strand.ropes.grasps import Gripper
 from strand.ropes.model import Model, list_model_crossings
+from strand.ropes.summary import format_confidence
 from strand.support.checks import (
     Array,
     check_bool,
@@ -140,7 +141,7 @@ def _draw_ropes(model: Model) -> Iterator[Message]:
         number = chain.number if isinstance(chain, TrackedRope) else i
         facts = {"length": f"{chain.length:.4f} m", "radius": f"{chain.radius:.5f} m"}
         if not math.isnan(chain.confidence):
-            facts["confidence"] = f"{chain.confidence:.3f}"
+            facts["confidence"] = format_confidence(chain.confidence)
         color = _choose_color(chain, number)
         yield {
             "id": f"rope_{number}",
@@ -202,7 +203,7 @@ def _draw_crossings(model: Model, crossings: Sequence[Crossing]) -> dict[str, li
                 "font_size": _FONT * radius,
                 "scale_invariant": False,
                 "color": _CROSSING,
-                "text": "?" if math.isnan(sure) else f"{sure:.2f}",
+                "text": "?" if math.isnan(sure) else format_confidence(sure),
             }
         )
     return {"spheres": spheres, "texts": texts}

@@ -87,9 +87,21 @@ def test_a_crossing_has_the_probability_of_its_order(tmp_path):
     (sphere,), (text,) = marks["spheres"], marks["texts"]
     place = [sphere["pose"]["position"][axis] for axis in "xyz"]
     np.testing.assert_allclose(place, crossing.place, rtol=0, atol=5.1e-7)
-    assert text["text"] == f"{crossing.probability:.2f}"
+    assert float(text["text"]) == np.floor(100 * crossing.probability) / 100
     assert text["pose"]["position"]["z"] > place[2]
     assert find_entity(second, "crossings")["texts"] == []
+
+
+def test_no_probability_seems_to_reach_one(tmp_path):
+    exact = {"confidence": 0.9996, "covariance": np.tile(1e-8 * np.eye(3), (51, 1, 1))}
+    chains = tuple(strand.Chain(chain.points, R, **exact) for chain in (UNDER, OVER))
+    model = strand.Model(chains, np.empty((0, 4, 4)), confidence=0.9996)
+    assert 0.995 < model.crossings()[0].probability < 1.0
+    write_mcap([model], tmp_path / "a.mcap")
+    ((_, message),) = read_own(tmp_path / "a.mcap")
+    assert find_entity(message, "crossings")["texts"][0]["text"] == "0.99"
+    (said,) = [one for one in find_entity(message, "rope_1")["metadata"] if one["key"] == "confidence"]
+    assert said["value"] == "0.99"
 
 
 def read_arrow(arrow):
