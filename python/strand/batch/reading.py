@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,15 @@ from strand.batch.table import SCHEMA_VERSION, make_schema
 from strand.batch.writing import VERSION_KEY
 from strand.geometry.plane import Plane
 from strand.io.budget import MAX_BYTES
+from strand.io.models import parse_harness
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import ModelWarning
+from strand.ropes.harness import Harness
 from strand.ropes.model import Model
 from strand.ropes.seen_side import USUAL_UP
 from strand.support.checks import check_integer, check_path, check_sequence, check_text
 from strand.support.extras import import_extra
-from strand.support.files import FileFormatError, open_file
+from strand.support.files import FileFormatError, decode_json, open_file, parse_json
 from strand.support.pages import measure_footer, measure_pages
 from strand.tracking.track import TrackedRope
 
@@ -88,7 +91,8 @@ def load_models(
     frame : int
     model : Model
         It has the table's contents: chains with covariances, confidences, labels, colours and hidden ends,
-        the model's confidence, `up`, `table`, warnings and time as `stamp`. Tracked ropes are `TrackedRope`.
+        the model's confidence, `up`, `table`, warnings, time as `stamp`, and `harness` if the ropes branch.
+        Tracked ropes are `TrackedRope`.
         It has no poses, curves, doubts, joins and alternatives. A warning names the chains in whose rows it
         stands, and has no place, amount or view.
 
@@ -109,10 +113,10 @@ def load_models(
         rows: list[dict[str, Any]] = []
         for row in table.to_pylist():
             if rows and row["frame"] != rows[0]["frame"]:
-                yield from _make_model(path, rows)
+                yield from _make_model(path, rows, max_bytes)
                 rows = []
             rows.append(row)
-        yield from _make_model(path, rows)
+        yield from _make_model(path, rows, max_bytes)
 
 
 def iterate_shards(
@@ -196,12 +200,17 @@ def _check_columns(columns: Sequence[str] | None) -> list[str]:
     return wanted
 
 
-def _make_model(path: Path, rows: Sequence[dict[str, Any]]) -> Iterator[tuple[str, int, Model]]:
+def _make_model(
+    path: Path, rows: Sequence[dict[str, Any]], max_bytes: int
+) -> Iterator[tuple[str, int, Model]]:
     """Yield the model of a frame's rows, if they hold no error."""
     if not rows or rows[0]["error"] is not None:
         return
     try:
         chains = tuple(_make_chain(row) for row in rows if row["rope"] is not None)
+        graph = rows[0]["graph"]
+        harness = None if graph is None else _make_harness(read_graph(path, graph, max_bytes), chains)
+        chains = chains if harness is None else tuple(edge.chain for edge in harness.edges)
         warnings = tuple(_make_warnings(rows))
         confidence, table = rows[0]["model_confidence"], rows[0]["table"]
         model = Model(
@@ -212,8 +221,9 @@ def _make_model(path: Path, rows: Sequence[dict[str, Any]]) -> Iterator[tuple[st
             up=USUAL_UP if rows[0]["up"] is None else rows[0]["up"],
             table=None if table is None else Plane(np.array(table[:3]), table[3]),
             stamp=rows[0]["time"],
+            harness=harness,
         )
-    except (TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise FileFormatError.from_error(path, error) from error
     yield rows[0]["recording"], rows[0]["frame"], model
 
@@ -231,6 +241,24 @@ def _make_warnings(rows: Sequence[dict[str, Any]]) -> Iterator[ModelWarning]:
         # a warning about no chain is in all rows
         has_chains = kind in _KINDS_WITH_CHAINS or len(about) < len(rows)
         yield ModelWarning(kind, message, chains=tuple(about) if has_chains else ())
+
+
+def read_graph(path: Path, text: str, max_bytes: int) -> Any:
+    """Return the JSON of a graph in a row, in at most 2 x `max_bytes` of memory."""
+    return parse_json(path, decode_json(path, text.encode(), max_bytes, "graph"), "graph")
+
+
+def _make_harness(graph: dict[str, Any], chains: Sequence[Chain]) -> Harness:
+    """Return the graph in a frame's first row; its edges have the deviations of the radii too."""
+    edges = [
+        {name: edge[name] for name in ("id", "start", "stop", "wires")}
+        for edge in check_sequence("edges", graph["edges"], "edges")
+    ]
+    measured = tuple(
+        replace(chain, radius_sd=edge["radius_sd"])
+        for chain, edge in zip(chains, graph["edges"], strict=True)
+    )
+    return parse_harness({"nodes": graph["nodes"], "edges": edges}, measured)
 
 
 def _make_chain(row: dict[str, Any]) -> Chain:

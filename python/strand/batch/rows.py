@@ -120,6 +120,8 @@ def _reconstruct_frame(frame: FrameInput, settings: Settings, previous: Model | 
         length=settings.length,
         previous=previous,
         deadline=settings.deadline,
+        branches=settings.branches,
+        wire=settings.wire,
     )
 
 
@@ -154,4 +156,5 @@ def make_model_rows(
             up=model.up,
             table=model.table,
             track=track,
+            harness=model.harness if rope in (None, 0) else None,
         )

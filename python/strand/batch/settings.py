@@ -16,7 +16,8 @@ from strand.config import Config
 from strand.io.budget import MAX_BYTES
 from strand.io.recordings.recording import TOLERANCE
 from strand.io.single_view import KnownCamera
-from strand.reconstruction.evidence.prior import Prior
+from strand.reconstruction.evidence.prior import Prior, check_branches
+from strand.ropes.netlist import Netlist
 from strand.support.checks import (
     check_bool,
     check_integer,
@@ -42,6 +43,7 @@ _NOT_TRACKED = {
     "stretch": "a tracker goes through whole recordings",
     "viewpoint": "it is for files of points, and a tracker needs depth images",
     "camera_frame": "it is for files of points, and a tracker needs depth images",
+    "branches": "a tracker follows ropes that do not branch",
 }
 
 DIGITS = 16
@@ -56,7 +58,7 @@ class Settings:
 
     Parameters
     ----------
-    radius, bounds, ropes, length, config, deadline
+    radius, bounds, ropes, length, config, deadline, branches, wire
         As in `strand.reconstruct`. With a deadline, the rows depend on the machine's speed.
     every : int
         Step between the frames to take from recordings and folders of images; 1 takes every frame.
@@ -66,8 +68,8 @@ class Settings:
         first decodes all of a bag's messages; then give a tenth of its frames or more.
     track : bool
         Whether one `strand.Tracker` follows the ropes through the frames of each recording. A folder of
-        scenes is then one recording, with a scene for each frame. `deadline`, `stretch`, `viewpoint` and
-        `camera_frame` do not go with it.
+        scenes is then one recording, with a scene for each frame. `deadline`, `stretch`, `viewpoint`,
+        `camera_frame` and `branches` do not go with it.
     rate : float, optional
         With `track`, frames per second of folders, which have no times; by default 30.
     topics, world, tolerance, ignore_distortion, color_topics
@@ -108,6 +110,8 @@ class Settings:
     color_topics: Sequence[str] | None = None
     max_bytes: int = MAX_BYTES
     outside: bool = False
+    branches: bool | Netlist = False
+    wire: float | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.config, Config):
@@ -150,7 +154,9 @@ class Settings:
             checked["viewpoint"] = freeze_array(check_small_array("viewpoint", self.viewpoint, (3,)))
         for name, value in checked.items():
             object.__setattr__(self, name, value)
-        Prior.from_caller(self.ropes, self.length, None)
+        prior = Prior.from_caller(self.ropes, self.length, None)
+        _, wire, _ = check_branches(self.branches, self.wire, self.config.method, prior)
+        object.__setattr__(self, "wire", wire)
 
     def to_json(self) -> dict[str, Any]:
         """Return all settings in JSON's types, with the parameters of the method."""

@@ -7,8 +7,9 @@ import os
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import resources
+from pathlib import Path
 from string import Template
 from typing import Any
 
@@ -16,11 +17,11 @@ import numpy as np
 
 from strand._core import __version__
 from strand.batch.links import Links
-from strand.batch.reading import iterate_shards
+from strand.batch.reading import iterate_shards, read_graph
 from strand.batch.shards import find_root
 from strand.io.budget import MAX_BYTES
 from strand.support.checks import Array, check_path
-from strand.support.files import write_bytes
+from strand.support.files import FileFormatError, write_bytes
 
 _COLUMNS = (
     "recording",
@@ -31,6 +32,7 @@ _COLUMNS = (
     "closed",
     "confidence",
     "model_confidence",
+    "graph",
     "seconds",
     "error",
 )
@@ -38,6 +40,7 @@ _BINS = 10  # bins of a histogram
 _LISTED_FRAMES = 10  # frames listed as the slowest, and as the least sure
 _MAX_LISTED_KINDS = 30  # kinds of error that the page lists
 _MAX_KINDS = 1000  # kinds of error that are counted separately
+_MAX_GRAPHS = 30  # kinds of graph that the page lists
 _MAX_KIND_LENGTH = 160  # characters of a kind
 _MAX_MESSAGE_LENGTH = 1000  # characters of a message that are compared
 _PATH_BEFORE = r"[^\s'\"]*[/\\]"  # a path, up to the recording
@@ -70,6 +73,9 @@ class Summary:
         Seconds, recording and frame of the slowest frames.
     seconds : float
         Duration of all frames together.
+    graphs : dict of (int, int, int) to (int, str, int or None)
+        Number of frames with each number of junctions, ends and edges, the most frequent first, and an
+        example: recording and frame. Empty if no ropes branch.
     """
 
     recordings: int
@@ -81,6 +87,7 @@ class Summary:
     unsure: Sequence[tuple[float, str, int | None]]
     slowest: Sequence[tuple[float, str, int | None]]
     seconds: float
+    graphs: dict[tuple[int, int, int], tuple[int, str, int | None]] = field(default_factory=dict)
 
 
 def summarize(out: str | os.PathLike[str], max_bytes: int = MAX_BYTES) -> Summary:
@@ -92,8 +99,10 @@ def summarize(out: str | os.PathLike[str], max_bytes: int = MAX_BYTES) -> Summar
     examples: dict[str, tuple[str, str]] = {}
     unsure: list[tuple[float, str, int | None]] = []
     slowest: list[tuple[float, str, int | None]] = []
+    graphs: Counter[tuple[int, int, int]] = Counter()
+    pictured: dict[tuple[int, int, int], tuple[str, int | None]] = {}
     frames, answered, seconds = 0, 0, 0.0
-    for _, table in iterate_shards(out, _COLUMNS, max_bytes):
+    for path, table in iterate_shards(out, _COLUMNS, max_bytes):
         for row in _read_rows(table):
             recordings.add(row["recording"])
             if row["rope"] is not None:
@@ -104,6 +113,10 @@ def summarize(out: str | os.PathLike[str], max_bytes: int = MAX_BYTES) -> Summar
             frames += 1
             seconds += row["seconds"]
             slowest.append((row["seconds"], row["recording"], row["frame"]))
+            if row["graph"] is not None:
+                graph = _count_parts(path, read_graph(path, row["graph"], max_bytes))
+                graphs[graph] += 1
+                pictured.setdefault(graph, (row["recording"], row["frame"]))
             if row["error"] is None:
                 answered += 1
                 if row["model_confidence"] is not None:
@@ -127,6 +140,7 @@ def summarize(out: str | os.PathLike[str], max_bytes: int = MAX_BYTES) -> Summar
         unsure,
         slowest,
         seconds,
+        {graph: (count, *pictured[graph]) for graph, count in graphs.most_common()},
     )
 
 
@@ -135,10 +149,10 @@ def write_summary(
 ) -> None:
     """Write an HTML page about a batch; it needs no network.
 
-    The page shows the number of frames with an answer, the ropes' confidence and lengths, the kinds of error,
-    the least sure frames and the slowest. Recordings that exist are links, relative to the page. So are their
-    reports: HTML files with a recording's name, beside it or beside the page, or `report.html` in a
-    recording's folder. If writing fails, no partial page is left.
+    The page shows the number of frames with an answer, the ropes' confidence and lengths, how many frames
+    have which graph, the kinds of error, the least sure frames and the slowest. Recordings that exist are
+    links, relative to the page. So are their reports: HTML files with a recording's name, beside it or beside
+    the page, or `report.html` in a recording's folder. If writing fails, no partial page is left.
 
     Parameters
     ----------
@@ -176,6 +190,15 @@ def _read_rows(table: Any) -> list[dict[str, Any]]:
     return rows
 
 
+def _count_parts(path: Path, graph: Any) -> tuple[int, int, int]:
+    """Return the numbers of junctions, ends and edges of a graph in a row."""
+    try:
+        ends = sum(node["kind"] == "end" for node in graph["nodes"])
+        return len(graph["nodes"]) - ends, ends, len(graph["edges"])
+    except (KeyError, TypeError) as error:
+        raise FileFormatError.from_error(path, error) from error
+
+
 def _classify_error(error: str, recording: str) -> str:
     """Return an error's kind: its text without paths of the recording's files, and without numbers."""
     kind, _, message = error[:_MAX_MESSAGE_LENGTH].partition(": ")
@@ -203,6 +226,7 @@ def _make_page(summary: Summary, title: str, links: Links) -> str:
         _make_histogram(summary.confidence, np.linspace(0.0, 1.0, _BINS + 1), 1.0, ""),
         "<h2>Lengths</h2>",
         _make_length_section(summary.lengths),
+        *(("<h2>Graphs</h2>", _make_graph_section(summary, links)) if summary.graphs else ()),
         "<h2>Errors</h2>",
         _make_error_section(summary, links),
         "<h2>Least sure frames</h2>",
@@ -236,6 +260,17 @@ def _make_histogram(values: Array, edges: Array, scale: float, unit: str) -> str
     without = len(values) - len(known)
     note = f'<p class="note">Not known for {without} ropes.</p>' if without else ""
     return f"<table>{''.join(rows)}</table>{note}"
+
+
+def _make_graph_section(summary: Summary, links: Links) -> str:
+    rows = []
+    for parts, (count, recording, frame) in [*summary.graphs.items()][:_MAX_GRAPHS]:
+        example = links.make_cell(recording) + ("" if frame is None else f", frame {frame}")
+        rows.append((*map(str, parts), f"{count}", example))
+    numbers = ("junctions", "ends", "edges", "frames")
+    listed = _make_table((*numbers, "for example"), rows, numbers)
+    more = len(summary.graphs) - len(rows)
+    return f'{listed}<p class="note">{more} more kinds of graph.</p>' if more else listed
 
 
 def _make_error_section(summary: Summary, links: Links) -> str:

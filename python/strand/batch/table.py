@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -12,13 +13,15 @@ import numpy as np
 from strand.geometry.plane import Plane
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import Crossing
+from strand.ropes.harness import Harness, describe_harness
 from strand.support.checks import Array
 from strand.support.columns import make_lists, make_nested_lists
 from strand.support.extras import import_extra
+from strand.support.files import convert_to_json
 from strand.tracking.events import Event
 from strand.tracking.track import Track, TrackedRope
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 """Version of the columns, which files hold in their metadata as `strand.schema`."""
 
 VARYING_COLUMN = "seconds"
@@ -56,6 +59,8 @@ class Row:
         `Model.table`.
     track : Track or None
         The tracker's answer that has the rope.
+    harness : Harness or None
+        `Model.harness`, in the first row of its frame.
     """
 
     recording: str
@@ -71,6 +76,7 @@ class Row:
     up: Array | None = None
     table: Plane | None = None
     track: Track | None = None
+    harness: Harness | None = None
 
 
 @cache
@@ -129,6 +135,7 @@ def make_schema() -> Any:
             pa.field("table", place),
             pa.field("warnings", pa.list_(pa.string()), nullable=False),
             pa.field("crossings", pa.list_(crossing)),
+            pa.field("graph", pa.string()),
             pa.field("state", pa.string()),
             pa.field("generation", pa.int32()),
             pa.field("length_sd", pa.float64()),
@@ -183,6 +190,7 @@ def make_record_batch(rows: Sequence[Row], version: str, configuration: str) -> 
             else [_convert_crossing(crossing) for crossing in row.crossings]
             for row in rows
         ],
+        "graph": [None if row.harness is None else _format_graph(row.harness) for row in rows],
         "state": [None if rope is None else rope.state for rope in tracked],
         "generation": [None if rope is None else rope.generation for rope in tracked],
         "length_sd": [None if rope is None else rope.length_sd for rope in tracked],
@@ -225,6 +233,14 @@ def _convert_crossing(crossing: Crossing) -> dict[str, Any]:
         "sign": crossing.sign,
         "probability": _replace_nan(crossing.probability),
     }
+
+
+def _format_graph(harness: Harness) -> str:
+    """Return a harness as JSON: that of a model's file, with what edges have in the rows of their chains."""
+    graph = describe_harness(harness)
+    for edge, described in zip(harness.edges, graph["edges"], strict=True):
+        described |= {name: getattr(edge, name) for name in ("length", "radius", "radius_sd")}
+    return json.dumps(convert_to_json(graph))
 
 
 def _convert_event(event: Event) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from strand.batch.settings import RATE
 from strand.cli import values
 from strand.cli.arguments import collect_arguments
 from strand.cli.inputs import collect_settings
-from strand.cli.options import add_camera, add_deadline, add_recording, add_ropes
+from strand.cli.options import add_branches, add_camera, add_deadline, add_recording, add_ropes
 from strand.cli.terminal import print_message
 from strand.io.budget import MAX_BYTES
 from strand.support.checks import check_integer
@@ -116,6 +116,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     add_recording(command.add_argument_group("recordings"))
     add_ropes(command)
     add_deadline(command)
+    add_branches(command)
 
 
 def run(options: argparse.Namespace) -> None:

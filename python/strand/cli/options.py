@@ -105,10 +105,8 @@ def add_recording(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--no-color", action="store_true", help="do not read colours of recordings")
 
 
-def add_priors(command: argparse.ArgumentParser) -> None:
-    """Add the user's knowledge of the ropes, and masks, colours and occluders of the views."""
-    add_ropes(command)
-    add_deadline(command)
+def add_branches(command: argparse.ArgumentParser) -> None:
+    """Add the user's knowledge of ropes that branch."""
     command.add_argument(
         "--branches",
         action="store_true",
@@ -120,6 +118,13 @@ def add_priors(command: argparse.ArgumentParser) -> None:
         metavar="LENGTH",
         help="with --branches: the radius of one wire, such as 1.2mm, to count the wires of each branch",
     )
+
+
+def add_priors(command: argparse.ArgumentParser) -> None:
+    """Add the user's knowledge of the ropes, and masks, colours and occluders of the views."""
+    add_ropes(command)
+    add_deadline(command)
+    add_branches(command)
     command.add_argument(
         "--mask",
         type=values.parse_path,

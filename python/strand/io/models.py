@@ -142,7 +142,7 @@ def _parse_model(path: str | os.PathLike[str], data: Any) -> Model:
         values["stamp"] = check_stamp("stamp", data.get("stamp"))
     with _locate_errors(path, "harness"):
         harness = data.get("harness")
-        values["harness"] = None if harness is None else _parse_harness(harness, values["chains"])
+        values["harness"] = None if harness is None else parse_harness(harness, values["chains"])
     with _locate_errors(path, None):
         return Model(method=data["method"], branch=data["branch"], **values)
 
@@ -186,7 +186,7 @@ def _parse_chain(data: dict[str, Any]) -> Chain:
     return Chain(**{**data, **arrays, "curve": curve, "doubts": doubts, "confidence": sure, "color": color})
 
 
-def _parse_harness(data: dict[str, Any], chains: tuple[Chain, ...]) -> Harness:
+def parse_harness(data: dict[str, Any], chains: tuple[Chain, ...]) -> Harness:
     """Make a harness; the chains are those of its edges, in their order."""
     edges = check_sequence("edges", data["edges"], "edges")
     if len(edges) != len(chains):

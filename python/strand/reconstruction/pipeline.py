@@ -13,7 +13,7 @@ from strand.config import Config
 from strand.reconstruction.answering import build_model
 from strand.reconstruction.default import find_chains as find_by_default
 from strand.reconstruction.evidence.confidence import compute_trust
-from strand.reconstruction.evidence.prior import Prior
+from strand.reconstruction.evidence.prior import Prior, check_branches
 from strand.reconstruction.hand_eye import find_hand_eye_error
 from strand.reconstruction.harness.answer import answer_with_harness
 from strand.reconstruction.masks import refuse_empty
@@ -197,18 +197,9 @@ def _check(
 
 
 def _allow_branches(hints: Hints, branches: bool | Netlist, wire: float | None) -> Hints:
-    """Check what the caller knows of ropes that branch."""
-    net = branches if isinstance(branches, Netlist) else None
-    if net is None and not check_bool("branches", branches):
-        if wire is not None:
-            raise ValueError("wire: expected None without branches=True")
-        return hints
-    if hints.config.method != "default":
-        raise ValueError(f"branches: expected False with the {hints.config.method} method")
-    if hints.prior.ropes is not None or hints.prior.lengths:
-        raise ValueError("branches: expected False with ropes or length: edges of a graph are no ropes")
-    wire = None if wire is None else check_positive("wire", wire)
-    return replace(hints, branches=True, wire=wire, net=net)
+    """Add what the caller knows of ropes that branch."""
+    branches, wire, net = check_branches(branches, wire, hints.config.method, hints.prior)
+    return replace(hints, branches=branches, wire=wire, net=net)
 
 
 def _start(begun: float, progress: Callable[[str], None] | None, deadline: float | None) -> Run:

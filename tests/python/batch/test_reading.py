@@ -198,11 +198,11 @@ def test_shards_hold_the_version_of_the_schema_and_others_are_refused(batch, tmp
     _, out = batch
     for name in list_shards(out):
         said = pq.read_metadata(out / name).metadata
-        assert (said[b"strand.schema"], len(said[b"strand.input"])) == (b"3", 16)
+        assert (said[b"strand.schema"], len(said[b"strand.input"])) == (b"4", 16)
     (tmp_path / name).parent.mkdir()
     pq.write_table(load_table(out), tmp_path / name)
     with pytest.raises(
-        FileFormatError, match=r"strand\.schema: expected a shard with version 3 of the schema, got none"
+        FileFormatError, match=r"strand\.schema: expected a shard with version 4 of the schema, got none"
     ):
         load_table(tmp_path)
 

@@ -26,7 +26,7 @@ SCENE = strand.synthetic.scene("arc", seed=0, views=3)
 COLUMNS = (
     *("recording", "frame", "time", "rope", "nodes", "arc_length", "covariance", "radius", "closed"),
     *("confidence", "label", "color", "hidden_ends", "model_confidence", "up", "table", "warnings"),
-    *("crossings", "state", "generation", "length_sd", "velocity", "seen", "predicted", "age"),
+    *("crossings", "graph", "state", "generation", "length_sd", "velocity", "seen", "predicted", "age"),
     *("image_times", "unexplained", "events", "version", "configuration", "seconds", "error"),
 )
 

@@ -20,7 +20,7 @@ def test_a_row_is_a_rope_of_a_frame_with_its_events(tracks, tmp_path):
     path = tmp_path / "tracks.parquet"
     assert write_tracks(iter(tracks), path, "a") == 4
     assert pq.read_schema(path).remove_metadata().equals(make_schema())
-    assert pq.ParquetFile(path).metadata.metadata[b"strand.schema"] == b"3"
+    assert pq.ParquetFile(path).metadata.metadata[b"strand.schema"] == b"4"
     rows = pq.read_table(path).to_pylist()
     assert [(row["frame"], row["rope"]) for row in rows] == [(0, None), (1, 0), (2, 0), (2, 1)]
     assert {row["recording"] for row in rows} == {"a"}

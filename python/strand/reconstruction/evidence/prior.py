@@ -9,7 +9,8 @@ from itertools import combinations
 import numpy as np
 
 from strand.config import Known
-from strand.support.checks import check_integer, check_lengths
+from strand.ropes.netlist import Netlist
+from strand.support.checks import check_bool, check_integer, check_lengths, check_positive
 from strand.views.box import Box
 
 LENGTH_COST = 2.0  # cost of a hypothesis for each radius by which it misses a known length
@@ -102,3 +103,19 @@ class Prior:
 
 
 NO_PRIOR = Prior()
+
+
+def check_branches(
+    branches: bool | Netlist, wire: float | None, method: str, prior: Prior
+) -> tuple[bool, float | None, Netlist | None]:
+    """Check what the caller knows of ropes that branch: whether they do, a wire's radius, and the netlist."""
+    net = branches if isinstance(branches, Netlist) else None
+    if net is None and not check_bool("branches", branches):
+        if wire is not None:
+            raise ValueError("wire: expected None without branches=True")
+        return False, None, None
+    if method != "default":
+        raise ValueError(f"branches: expected False with the {method} method")
+    if prior.ropes is not None or prior.lengths:
+        raise ValueError("branches: expected False with ropes or length: edges of a graph are no ropes")
+    return True, None if wire is None else check_positive("wire", wire), net
