@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand.export.segments import MIN_SPACING, cut_segments, find_normals
+from strand.export.usd_joints import describe_joints, list_sites, move_ends
 from strand.geometry.line import Line
 from strand.support.checks import (
     Array,
@@ -51,8 +52,13 @@ def make_usd(
     pinned: Sequence[tuple[int, float]],
     tube: bool,
     gravity: Array | None,
+    nodes: Sequence[Array] = (),
+    ends: Sequence[tuple[int, int]] = (),
 ) -> bytes:
-    """Return a USD stage as text, see `strand.Model.save_usd`."""
+    """Return a USD stage as text, see `strand.Model.save_usd`.
+
+    `nodes` has the places of a harness's nodes, and `ends` the two nodes of each of its chains.
+    """
     density = check_positive("density", density, _LARGEST)
     young, stretch = check_positive("young", young, _LARGEST), check_positive("stretch", stretch, _LARGEST)
     pins = _check_pins(pinned, chains)
@@ -60,8 +66,13 @@ def make_usd(
     lines = [_HEAD]
     if gravity is not None:
         lines += _describe_scene(gravity)
+    counts = []
     for number, chain in enumerate(chains):
         places = cut_segments(chain, spacing, MIN_SPACING)
+        if ends:
+            start, stop = ends[number]
+            places = move_ends(places, chain.closed, nodes[start], nodes[stop])
+        counts.append(len(places))
         path = f"/ropes/rope_{number}"
         lines.append(_BODY.format(number))
         lines += _describe_curve(path, chain, places, tube)
@@ -72,6 +83,8 @@ def make_usd(
         if tube:
             lines += _describe_tube(*chain.tube())
         lines.append("    }")
+    for node, sites in list_sites(chains, ends, counts).items():
+        lines += describe_joints(chains, counts, node, sites)
     return "\n".join([*lines, "}\n"]).encode()
 
 

@@ -632,7 +632,8 @@ class Model:
 
         The file follows the draft "Deformable Body Physics" of the AOUSD. `/ropes/rope_0/curve` is a linear
         `BasisCurves` in the world frame, in metres and single precision, with its material beside it. Each
-        rope starts, and rests, in its measured shape.
+        rope starts, and rests, in its measured shape. Ropes of a harness end exactly at its nodes. There they
+        are attached to each other, point to point, and segments near the node do not collide.
 
         Parameters
         ----------
@@ -653,7 +654,11 @@ class Model:
         """
         check_suffix(path, ("usda",))
         pull = self._choose_gravity(gravity)
-        write_bytes(path, make_usd(self.chains, spacing, density, young, stretch, pinned, tube, pull))
+        nodes = () if self.harness is None else [node.position for node in self.harness.nodes]
+        made = make_usd(
+            self.chains, spacing, density, young, stretch, pinned, tube, pull, nodes, _list_ends(self)
+        )
+        write_bytes(path, made)
 
     def _choose_gravity(self, gravity: ArrayLike | None) -> Array | None:
         """Return the gravity (3,) that a file states; None if it is the usual one."""
