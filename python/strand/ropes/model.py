@@ -233,7 +233,8 @@ class Model:
         A view settles a doubt as far as it shows the rope around the doubtful place from new directions,
         past all strands. Doubts without a place are about all ropes. Things other than ropes are unknown:
         they may block the sight. Cameras look at the middle of the ropes from above `up`'s plane, at the old
-        cameras' distance, or farther where the ropes fill more of the image than in any old one.
+        cameras' distance, or farther where the ropes fill more of the image than in any old one. Beyond twice
+        the old distance they show ropes worse, in proportion.
 
         Parameters
         ----------

@@ -30,6 +30,7 @@ _NEW_TURN = np.radians(40.0)  # radians between directions from which a place sh
 _THING = 6.0  # radii: half the length across the rope of a thing that hides it
 _PAST_TURN = np.radians(30.0)  # radians between directions past such a thing
 _APART = np.radians(25.0)  # radians: least turn between proposed views
+_FAR = 2.0  # of the old cameras' distance: from farther away ropes are too thin to show all
 _SETTLED = 0.5  # share of a doubt's places that a view must show anew to settle it
 _MAX_CONE = 0.7  # tangent of half the angle that a usual camera sees
 _ROPE_AMOUNT = 0.05  # of doubt, of all ropes alike
@@ -57,7 +58,8 @@ class NextView:
     settles : tuple of Doubt
         Doubts whose places it would mostly show, from new directions; the greatest first.
     gain : float
-        Share of all doubts, weighed by their amounts, that it would settle, from 0 to 1.
+        Share of all doubts, weighed by their amounts, that it would settle, from 0 to 1. All ropes count
+        like a small doubt, so it is not 0 where there are no doubts.
     """
 
     pose: Array
@@ -333,12 +335,14 @@ def _show_anew(
     # an old camera that other strands hid the place from is no reason to stay away
     new = np.where(seen[:, None], new, 1.0).min(axis=0)
     axes = positions - stand.middle
-    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    distances = np.linalg.norm(axes, axis=1, keepdims=True)
+    axes /= distances
+    near = np.minimum(_FAR * stand.distance / distances, 1.0)
     ahead = np.einsum("kc,ktc->kt", axes, towards)
     fits = ahead * np.sqrt(1.0 + (_ROOM * stand.cone) ** 2) >= 1.0
     # a rope shows more of itself from its side
     across = np.linalg.norm(np.cross(towards, targets.tangents), axis=2)
-    return np.where(sees & fits, across * np.clip(new, 0.0, 1.0), 0.0)
+    return np.where(sees & fits, near * across * np.clip(new, 0.0, 1.0), 0.0)
 
 
 def _find_ways_past(targets: _Targets, seen_from: Array, radius: float) -> Array:

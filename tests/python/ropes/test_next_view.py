@@ -182,6 +182,17 @@ def test_the_camera_keeps_its_distance(least):
     assert distances.max() < 1.1 * max(least, 0.4)
 
 
+def test_a_camera_too_far_away_settles_nothing():
+    model = hide_under_another()
+    near, far = model.next_view()[0], model.next_view(min_distance=50.0)[0]
+    assert near.gain > 0.5
+    assert near.settles
+    assert far.gain < 0.02
+    assert far.settles == ()
+    beside = strand.Box([5.0, 5.0, 5.0], [6.0, 6.0, 6.0])
+    assert all(view.gain < 0.1 and not view.settles for view in model.next_view(beside))
+
+
 def test_the_ropes_fit_in_the_image_as_before():
     """A rope seen nearly end on from the side would be cut off from above at the same distance."""
     low = synthetic.camera_pose(0.0, 0.25, np.radians(20.0))
