@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import strand
+from strand.ropes.summary import format_confidence
 from strand.support.stamps import SECOND
 from strand.tracking.track import Track, TrackedRope
 from strand.tracking.watching import UNEXPLAINED
@@ -69,7 +70,7 @@ class Follower:
                 view = _mask_by_color(view, settings)
             if settings.mode == "track":
                 track = self._tracker.update([view], read_stamp(frame.depth) / SECOND)
-                model, trouble = track.model, _judge(track)
+                model, trouble = track.model, _judge(track, settings.least_confidence)
             else:
                 model = self._reconstruct(view)
         except strand.NotEnoughDataError as error:
@@ -169,7 +170,7 @@ def _mask_by_color(view: strand.View, settings: Settings) -> strand.View:
     )
 
 
-def _judge(track: Track) -> str:
+def _judge(track: Track, least: float) -> str:
     """Return what is wrong with a track, in words."""
     if not track.ropes:
         return f"no rope is found yet: {track.reason}" if track.reason else "no rope is found yet"
@@ -178,7 +179,12 @@ def _judge(track: Track) -> str:
         return f"lost: rope {', '.join(lost)}"
     if track.unexplained > UNEXPLAINED:
         return f"{track.unexplained:.0%} of the ropes' pixels are not explained, as after a gap"
-    return ""
+    unsure = [
+        f"rope {rope.number}: {format_confidence(rope.confidence)}"
+        for rope in track.ropes
+        if not _is_sure(rope, least)
+    ]
+    return f"confidence below {least:g}: {', '.join(unsure)}" if unsure else ""
 
 
 def _make_empty(view: strand.View) -> strand.Model:
@@ -188,15 +194,15 @@ def _make_empty(view: strand.View) -> strand.Model:
 def _choose_shown(model: strand.Model, least: float) -> strand.Model:
     """Return a model of the ropes that points and markers show, since these cannot say how sure they are.
 
-    A tracked rope counts by its state: its confidence is that of the image with which it began.
+    A tracked rope counts by its state too.
     """
     chains = [
         chain
         for chain in model.chains
-        if (
-            chain.state in _SHOWN_STATES
-            if isinstance(chain, TrackedRope)
-            else chain.confidence >= least or least == 0.0
-        )
+        if _is_sure(chain, least) and (not isinstance(chain, TrackedRope) or chain.state in _SHOWN_STATES)
     ]
     return replace(model, chains=tuple(chains))
+
+
+def _is_sure(chain: strand.Chain, least: float) -> bool:
+    return chain.confidence >= least or least == 0.0  # NaN counts with a limit of 0 alone

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -44,7 +45,7 @@ PARAMETERS = (
     Parameter("tolerance", 0.02, "seconds between depth and its colour or mask, at most", 0.0, 1.0),
     Parameter("patience", 0.5, "seconds that depth waits for TF, colour, mask and CameraInfo", 0.01, 10.0),
     Parameter("queue", 30, "images of a topic that wait, at most", 1, 300),
-    Parameter("least_confidence", 0.5, "reconstruct: points and markers leave out ropes below it", 0.0, 1.0),
+    Parameter("least_confidence", 0.5, "points and markers leave out ropes below it", 0.0, 1.0),
     Parameter("cloud_rope", 0, "id of the rope whose nodes are the points", 0, 63),
     Parameter("cloud_nodes", 0, "number of points, at equal distances; 0: the rope's nodes", 0, 10000),
 )
@@ -92,7 +93,10 @@ def read_settings(values: Mapping[str, Any]) -> Settings:
     corners, color = list(given["bounds"]), tuple(given["rope_color"])
     if len(corners) != _CORNERS:
         raise ValueError(f"bounds: expected {_CORNERS} numbers, got {len(corners)}")
-    bounds = strand.Box(np.array(corners[:3]), np.array(corners[3:])) if any(corners) else None
+    try:
+        bounds = strand.Box(np.array(corners[:3]), np.array(corners[3:])) if any(corners) else None
+    except ValueError as error:
+        raise ValueError(f"bounds: {error}") from error
     if color == (-1,):
         color = ()
     if color and (len(color) != _COLOR_PARTS or not all(0 <= part <= 255 for part in color)):
@@ -111,7 +115,10 @@ def read_settings(values: Mapping[str, Any]) -> Settings:
         "ropes": given["ropes"] or None,
         "length": (lengths[0] if len(lengths) == 1 else lengths) if lengths else None,
     }
-    strand.Tracker(**known)  # refuses what contradicts itself
+    try:
+        strand.Tracker(**known)  # refuses what contradicts itself
+    except ValueError as error:
+        raise ValueError(re.sub("^length:", "lengths:", str(error))) from error
     return Settings(
         mode=given["mode"],
         world_frame=given["world_frame"],

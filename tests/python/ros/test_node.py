@@ -350,6 +350,22 @@ def test_a_rope_that_moved_in_a_gap_is_not_shown_until_it_is_found():
     assert find_kinds(bus) == {"doubt"}
 
 
+def test_a_tracked_rope_that_is_not_sure_is_not_shown(entries, radius):
+    known = {"radius": radius} | MASKED
+    with run_node(world_frame="world", lengths=[400.0], **known) as (bus, _):  # millimetres
+        bus.play(entries)
+        status, _ = report(bus)
+    assert bus.sent["ropes"][-1].ropes[0].state == ROPE.TRACKING
+    assert bus.sent["points"] == []
+    assert all(len(message.markers) == 1 for message in bus.sent["markers"])
+    assert bus.said[-1] == "doubt: confidence below 0.5: rope 0: 0.00"
+    assert status.level == 2
+    with run_node(world_frame="world", lengths=[400.0], least_confidence=0.0, **known) as (bus, _):
+        bus.play(entries)
+    assert bus.sent["points"]
+    assert bus.said == []
+
+
 def count(message):
     return message.header.stamp.sec * SECOND + message.header.stamp.nanosec
 
