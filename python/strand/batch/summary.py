@@ -6,7 +6,7 @@ import html
 import os
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
@@ -20,6 +20,7 @@ from strand.batch.links import Links
 from strand.batch.reading import iterate_shards, read_graph
 from strand.batch.shards import find_root
 from strand.io.budget import MAX_BYTES
+from strand.ropes.summary import format_confidence
 from strand.support.checks import Array, check_path
 from strand.support.files import FileFormatError, write_bytes
 
@@ -230,9 +231,9 @@ def _make_page(summary: Summary, title: str, links: Links) -> str:
         "<h2>Errors</h2>",
         _make_error_section(summary, links),
         "<h2>Least sure frames</h2>",
-        _make_frame_section("confidence", 2, summary.unsure, links),
+        _make_frame_section("confidence", format_confidence, summary.unsure, links),
         "<h2>Slowest frames</h2>",
-        _make_frame_section("seconds", 3, summary.slowest, links),
+        _make_frame_section("seconds", "{:.3f}".format, summary.slowest, links),
     ]
     frame = Template(resources.files("strand.batch").joinpath("summary.html").read_text(encoding="utf-8"))
     return frame.substitute(title=html.escape(title), body="\n".join(parts), version=__version__)
@@ -289,12 +290,12 @@ def _make_error_section(summary: Summary, links: Links) -> str:
 
 
 def _make_frame_section(
-    head: str, digits: int, frames: Sequence[tuple[float, str, int | None]], links: Links
+    head: str, show: Callable[[float], str], frames: Sequence[tuple[float, str, int | None]], links: Links
 ) -> str:
     if not frames:
         return "<p>None.</p>"
     rows = [
-        (f"{value:.{digits}f}", links.make_cell(recording), "" if frame is None else f"{frame}")
+        (show(value), links.make_cell(recording), "" if frame is None else f"{frame}")
         for value, recording, frame in frames
     ]
     return _make_table((head, "recording", "frame"), rows, numbers=(head, "frame"))

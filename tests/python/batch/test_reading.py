@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 
 import numpy as np
@@ -226,6 +227,9 @@ def test_a_summary_counts_rows_errors_and_ropes(batch, tmp_path):
     page = (tmp_path / "page.html").read_text()
     assert "3 recordings, 5 frames, 4 of them answered (80.0%), 4 ropes" in page
     assert "://" not in page
+    unsure = page.split("<h2>Least sure frames</h2>")[1].split("<h2>")[0]
+    shown = [float(cell) for cell in re.findall(r'<td class="n">(\d\.\d+)</td>', unsure)]
+    assert shown == [np.floor(100 * confidence) / 100 for confidence, _, _ in models]
     write_summary(tmp_path, tmp_path / "empty.html")
     assert "0 recordings, 0 frames" in (tmp_path / "empty.html").read_text()
 
