@@ -31,7 +31,7 @@ from strand.tracking.opinions import Opinions
 from strand.tracking.rope_state import LOST, TENTATIVE, TRACKING, RopeState
 from strand.tracking.saved_state import SavedState, pack_state, unpack_state
 from strand.tracking.settings import check_settings
-from strand.tracking.states import confirm_state, judge_state, stop_rope
+from strand.tracking.states import LOST_AGE, confirm_state, judge_state, lose_rope
 from strand.tracking.stepping import Step, step_ropes
 from strand.tracking.table import find_table
 from strand.tracking.track import Track, describe_rope
@@ -42,7 +42,7 @@ _INTERVAL = 1.0 / 30.0  # s between frames without times
 _MOST_AHEAD = 5.0  # s that a prediction goes ahead
 _TABLE_EVERY = 30  # frames between two looks for the table
 _FIRST_FRAMES = 5  # frames in which the errors of depth are learned quickly
-_JUMP = 1.0  # s: after a longer gap between frames, ropes are sought anew
+_MOST_ELAPSED = 1.0  # s: ropes move no farther in a longer gap between frames
 _USUAL_RADIUS = 0.005  # metres, until a rope is found
 
 
@@ -316,12 +316,12 @@ class Tracker:
         """Move the ropes to where a frame shows them."""
         if self._is_tentative and self._count < ASKED and frame.given_views:
             self._begin_again(frame)
-        self._enter(frame)
         before = self._ropes
-        held = place_holds(before, self._holds, frame.time)
+        self._enter(frame)
+        held = place_holds(self._ropes, self._holds, frame.time)
         gain = 0.5 if self._count < _FIRST_FRAMES else 0.1
-        if elapsed > _JUMP:
-            held, elapsed = tuple(stop_rope(rope) for rope in held), _JUMP
+        if elapsed > LOST_AGE:
+            held, elapsed = tuple(map(lose_rope, held)), min(elapsed, _MOST_ELAPSED)
             self._opinions.blind = True
         step = step_ropes(frame, held, self._biases, self._table, elapsed, bias_gain=gain)
         self._take(step)

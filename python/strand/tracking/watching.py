@@ -14,10 +14,9 @@ from strand.support.checks import Array
 from strand.tracking.frame import Frame
 from strand.tracking.laying import lay_ropes
 from strand.tracking.rope_state import RopeState, measure_arcs
+from strand.tracking.states import THROUGH, UNEXPLAINED
 from strand.tracking.stepping import Step, step_ropes
 
-UNEXPLAINED = 0.03  # of the ropes' pixels: above it, the ropes are doubted
-THROUGH = 0.08  # of a rope's samples: above it, likewise
 _GAIN_DOUBTED = 0.012  # by which another answer explains an image better, where the ropes are doubted
 _GAIN = 0.02  # likewise, where they are not
 _AS_GOOD = 0.005  # by which a sure answer with other ropes may explain an image worse

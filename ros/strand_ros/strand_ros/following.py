@@ -10,8 +10,8 @@ import numpy as np
 import strand
 from strand.ropes.summary import format_confidence
 from strand.support.stamps import SECOND
+from strand.tracking.states import UNEXPLAINED
 from strand.tracking.track import Track, TrackedRope
-from strand.tracking.watching import UNEXPLAINED
 from strand_ros.messages import Message, make_header, make_no_ropes, make_ropes
 from strand_ros.parameters import Settings
 from strand_ros.waiting import Frame, read_stamp

@@ -225,6 +225,36 @@ def test_nothing_seen_is_coasting_and_then_lost_and_found(carried):
     assert "found" in kinds
 
 
+@pytest.mark.parametrize("gap", [0.6, 1.5])
+@pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0), (0.0, 0.1, 0.0), (0.2, 0.0, 0.0)])
+def test_a_rope_that_moved_in_a_gap_is_lost_until_it_is_found(gap, shift):
+    made, frames = draw("still", 18)
+    tracker = strand.Tracker(made.radius, 1)
+    track_all(made, frames[:10], tracker)
+    states, events = [], []
+    for frame in frames[10:]:
+        views = [
+            strand.View.from_depth(
+                view.image.depth, frame.intrinsics, move(pose, shift), mask=view.mask, depth_scale=1.0
+            )
+            for view, pose in zip(frame.views, frame.poses, strict=True)
+        ]
+        track = tracker.update(views, frame.time + gap)
+        (rope,) = track.ropes
+        off = min(measure_points(rope, frame.nodes[0] + shift), key=np.max).max()
+        states.append(rope.state)
+        events += [event.kind for event in track.events]
+        assert rope.state == "lost" or off < 2.0 * made.radius
+    assert states[-3:] == ["tracking"] * 3
+    assert events == (["lost", "restarted", "found"] if any(shift) else [])
+
+
+def move(pose, shift):
+    moved = np.array(pose)
+    moved[:3, 3] += shift
+    return moved
+
+
 def test_a_tracked_rope_is_a_chain(still):
     made, frames = still
     track = track_all(made, frames[:2])[-1]
