@@ -17,6 +17,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from strand.synthetic import SyntheticScene
+from strand.synthetic.recorded import compute_quaternion
 
 FORMATS = ("ros1", "sqlite3", "mcap")
 STORES = {False: get_typestore(Stores.LATEST), True: get_typestore(Stores.ROS1_NOETIC)}
@@ -140,21 +141,6 @@ class Messages:
                 )
             )
         return self.make("tf2_msgs/msg/TFMessage", transforms=transforms)
-
-
-def compute_quaternion(rotation: NDArray[np.float64]) -> tuple[float, ...]:
-    """Return x, y, z, w of a rotation: the eigenvector of a symmetric matrix (Bar-Itzhack)."""
-    (a, b, c), (d, e, f), (g, h, i) = rotation
-    symmetric = np.array(
-        [
-            [a - e - i, d + b, g + c, h - f],
-            [d + b, e - a - i, h + f, c - g],
-            [g + c, h + f, i - a - e, d - b],
-            [h - f, c - g, d - b, a + e + i],
-        ]
-    )
-    x, y, z, w = np.linalg.eigh(symmetric)[1][:, -1].tolist()
-    return x, y, z, w
 
 
 def write_bag(path: Path, kind: str, entries: Iterable[Entry], compression: str | None = None) -> Path:

@@ -41,7 +41,7 @@ KINDS = (
 """Kinds in the order in which a set takes turns; one in six is a rope or has an end laid on one."""
 
 GIVEN = ("radii", "wire", "nothing")
-"""What may be given: the radii that occur and that of a wire, that of a wire alone, or neither."""
+"""Hints that a bench gives: the radii that occur and that of a wire, that of a wire alone, or neither."""
 
 Answer = Callable[[HarnessScene, "list[float] | None", "float | None"], "tuple[Harness, float]"]
 """Takes a scene, the radii that occur and that of a wire, or None; returns the graph and its confidence."""

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand
+from strand.ropes.summary import ACT_CONFIDENCE
 from strand.synthetic.sequences import SyntheticSequence
 from strand.tracking.events import Event
 from strand.tracking.track import Track, TrackedRope
@@ -23,7 +24,6 @@ DEVIATIONS = 2.0
 SOON = 0.5  # s after an occlusion
 MUCH = 0.15  # of a rope hidden: an occlusion
 ACTED = np.linspace(0.1, 0.9, 9)  # shares of a rope's length: places to act on
-ACT_CONFIDENCE = 0.9
 EXPLAINED = 0.03  # of the ropes' pixels that no rope explains, at most
 BESIDE = 4.0  # radii around a place that are seen
 ASTRAY = 2.0  # radii from the rope: a place that is wrong

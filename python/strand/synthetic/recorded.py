@@ -182,11 +182,11 @@ def _pack_transforms(poses: list[tuple[str, str, Array]], stamp: int) -> bytes:
     for parent, child, pose in poses:
         message.put_header(parent, stamp)
         message.put_text(child)
-        message.put("d", *pose[:3, 3], *_find_quaternion(pose[:3, :3]))
+        message.put("d", *pose[:3, 3], *compute_quaternion(pose[:3, :3]))
     return message.end()
 
 
-def _find_quaternion(rotation: Array) -> list[float]:
+def compute_quaternion(rotation: Array) -> list[float]:
     """Return x, y, z, w of a rotation: the eigenvector of a symmetric matrix (Bar-Itzhack 2000)."""
     (a, b, c), (d, e, f), (g, h, i) = rotation
     symmetric = np.array(

@@ -163,6 +163,7 @@ pub fn thinned(pixels: impl IntoIterator<Item = usize>, width: usize, height: us
     thinned_by(false, pixels, width, height)
 }
 
+/// Thins as [`thinned`] does, or as [`find_whole_skeleton`] does if `whole`.
 fn thinned_by(
     whole: bool,
     pixels: impl IntoIterator<Item = usize>,
@@ -180,16 +181,19 @@ fn thinned_by(
 
 /// Returns the skeleton of a mask with an empty border: pixels, ascending.
 pub fn find_skeleton(mask: &Image<bool>) -> Vec<usize> {
-    let set = (0..mask.values.len()).filter(|&k| mask.values[k]);
-    thinned(set, mask.width, mask.height)
+    thinned(list_set(mask), mask.width, mask.height)
 }
 
 /// Returns the skeleton of a mask with an empty border, whose diagonals keep their length: pixels, ascending.
 ///
 /// The method is that of Guo and Hall, *Parallel thinning with two-subiteration algorithms*.
 pub fn find_whole_skeleton(mask: &Image<bool>) -> Vec<usize> {
-    let set = (0..mask.values.len()).filter(|&k| mask.values[k]);
-    thinned_by(true, set, mask.width, mask.height)
+    thinned_by(true, list_set(mask), mask.width, mask.height)
+}
+
+/// Lists the set pixels of a mask, ascending.
+fn list_set(mask: &Image<bool>) -> impl Iterator<Item = usize> + '_ {
+    (0..mask.values.len()).filter(|&k| mask.values[k])
 }
 
 #[cfg(test)]

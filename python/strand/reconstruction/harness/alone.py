@@ -21,7 +21,6 @@ from strand.ropes.crossings import find_crossings
 from strand.support.checks import Array
 
 _MAX_VIEWS = 3  # more hardly make chains surer
-_DENSER = 3  # points of a tube over those that tracing needs
 _MIN_TRUST = 0.8  # of chains that count
 _MEETING = 0.5  # gap between an end's axis and a strand's surface where they meet at most, radii
 _LEVEL = 0.5  # difference of their heights there at most, sums of their radii
@@ -69,7 +68,7 @@ def _take_few(observed: Observed) -> Observed:
         (observed.held + len(observed.views) * turn // count) % len(observed.views) for turn in range(count)
     )
     views = [observed.views[place] for place in chosen]
-    step = max(Clouds.from_views(views, None).find_step(observed.radius) // _DENSER, 1)
+    step = Clouds.from_views(views, None).find_fit_step(observed.radius)
     if step > 1:
         views = [view.select(np.arange(len(view.points)) % step == 0) for view in views]
     return replace(

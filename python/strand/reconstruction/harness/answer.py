@@ -60,13 +60,9 @@ def answer_with_harness(scene: Scene, hints: Hints, run: Run, keep_stages: bool)
     at_edge = doubt_ends_at_edge(chains, scene.extract.whole, scene.tables) if scene.tables else []
     at_border = doubt_ends_at_border(chains, list_images(scene, list(poses)))
     cut = [doubt for doubt, _ in (*at_edge, *at_border)]
-    if flat.any() and len(chains) > 1:
-        reason = "wires lie side by side, and part where no width tells"
-        wire_doubts.append(Doubt("rival", _FLAT, "where strands meet", reason))
     answer = make_harness(graph, chains, certainty.nodes, wires)
-    if hints.net is not None:
-        wire_doubts += doubt_differences(hints.net, answer)
-    own = [*certainty.doubts, *wire_doubts, *upwards.doubts, *cut]
+    differences = [] if hints.net is None else doubt_differences(hints.net, answer)
+    own = [*certainty.doubts, *wire_doubts, *_doubt_flat(flat), *differences, *upwards.doubts, *cut]
     for doubt in own:
         if doubt.amount >= _MIN_WARNED:
             run.warn(doubt.kind, str(doubt), doubt.place, doubt.amount)
@@ -86,6 +82,14 @@ def answer_with_harness(scene: Scene, hints: Hints, run: Run, keep_stages: bool)
         stamp=max((view.stamp for view in scene.extract.whole if view.stamp is not None), default=None),
         harness=answer,
     )
+
+
+def _doubt_flat(flat: NDArray[np.bool_]) -> list[Doubt]:
+    """Doubt a harness with strands in which wires lie side by side."""
+    if not flat.any() or len(flat) == 1:
+        return []
+    reason = "wires lie side by side, and part where no width tells"
+    return [Doubt("rival", _FLAT, "where strands meet", reason)]
 
 
 def _count_wires(

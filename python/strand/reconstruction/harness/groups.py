@@ -5,13 +5,13 @@ Thinning tears a crossing or a junction apart into several hubs. Each way to gro
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from strand.reconstruction.harness.lines import NO_HUB, Lines, measure_length
+from strand.reconstruction.harness.lines import NO_HUB, End, Lines, measure_length
 from strand.reconstruction.harness.parting import find_parting
 from strand.reconstruction.harness.ports import Port, measure_port
 from strand.reconstruction.harness.readings import Reading, list_readings, price_level
@@ -54,6 +54,11 @@ class Group:
     middle: Array
     readings: list[Reading]
 
+    @property
+    def ends(self) -> list[End]:
+        """The arc's end at each port."""
+        return [(port.arc, port.end) for port in self.ports]
+
 
 @dataclass(frozen=True, eq=False)
 class Place:
@@ -91,69 +96,87 @@ def list_layouts(
     list of (float, list of Place)
         The cost over the least, and the places; the cheapest first.
     """
-    ends = [lines.list_ends(hub) for hub in range(len(lines.hubs))]
-    ports = {end: measure_port(*end, lines, drawn) for at in ends for end in at}
-    lengths = _measure_arcs(lines, drawn)
+    survey = _survey_hubs(lines, drawn, on_table)
     layouts: list[tuple[float, list[Place]]] = [(0.0, [])]
-    for hubs, reach in _list_clusters(lines, lengths, _MAX_MIDDLE, range(len(lines.hubs))):
-        short = {
-            number: length
-            for number, length in lengths.items()
-            if length <= reach and set(lines.arcs[number].hubs) <= set(hubs)
-        }
-        groups = [
-            group
-            for chosen in _list_connected(hubs, lines, short)
-            if (group := _make_group(chosen, lines, drawn, ends, ports, short, on_table)) is not None
-        ]
+    for hubs, reach in _list_clusters(survey, _MAX_MIDDLE, range(len(lines.hubs))):
+        short = survey.list_short(hubs, reach)
+        made = (_make_group(chosen, survey, short) for chosen in _list_connected(hubs, survey, short))
         levels = {
-            number: _price_between(number, lines, drawn, ends, ports, on_table)
+            lines.arcs[number].hubs: _price_between(number, survey)
             for number in short
-            if all(len(ends[hub]) == 3 for hub in lines.arcs[number].hubs)
+            if all(len(survey.ends[hub]) == 3 for hub in lines.arcs[number].hubs)
         }
-        solved = _solve(
-            hubs, groups, {lines.arcs[number].hubs: cost for number, cost in levels.items()}, most
-        )
+        solved = _solve(hubs, [group for group in made if group is not None], levels, most)
         layouts = [(cost + more, [*places, *own]) for cost, places in layouts for more, own in solved]
         layouts = sorted(layouts, key=lambda layout: layout[0])[:most]
     return layouts
 
 
-def _measure_arcs(lines: Lines, drawn: SurfaceMap) -> dict[int, float]:
-    """Return the length of each arc between two hubs, in half widths at the hubs."""
+@dataclass(frozen=True, eq=False)
+class _Survey:
+    """All hubs of a map, and the arcs at them.
+
+    Attributes
+    ----------
+    lines : Lines
+    drawn : SurfaceMap
+    on_table : bool
+    ends : list of list of End
+        Those at each hub.
+    ports : dict of End to Port
+    lengths : dict of int to float
+        The length of each arc between two hubs, in half widths at the hubs.
+    """
+
+    lines: Lines
+    drawn: SurfaceMap
+    on_table: bool
+    ends: list[list[End]]
+    ports: dict[End, Port]
+    lengths: dict[int, float]
+
+    def list_short(self, hubs: Collection[int], reach: float) -> list[int]:
+        """Return the arcs between some hubs that are no longer than a reach."""
+        return [
+            number
+            for number, length in self.lengths.items()
+            if length <= reach and set(self.lines.arcs[number].hubs) <= set(hubs)
+        ]
+
+
+def _survey_hubs(lines: Lines, drawn: SurfaceMap, on_table: bool) -> _Survey:
+    """Measure the ports of all hubs, and the arcs between them."""
+    ends = [lines.list_ends(hub) for hub in range(len(lines.hubs))]
+    ports = {end: measure_port(*end, lines, drawn) for own in ends for end in own}
     lengths = {}
     for number, arc in enumerate(lines.arcs):
         first, second = arc.hubs
         if NO_HUB not in arc.hubs and first != second:
             width = float(drawn.sample_widths(lines.hubs[[first, second]]).mean())
             lengths[number] = measure_length(arc.cells) / max(width, 1.0)
-    return lengths
+    return _Survey(lines, drawn, on_table, ends, ports, lengths)
 
 
-def _list_clusters(
-    lines: Lines, lengths: dict[int, float], reach: float, hubs: Sequence[int]
-) -> Iterator[tuple[list[int], float]]:
+def _list_clusters(survey: _Survey, reach: float, hubs: Collection[int]) -> Iterator[tuple[list[int], float]]:
     """Yield hubs that arcs within reach connect, and the reach: less where they are too many."""
+    pairs = [survey.lines.arcs[number].hubs for number in survey.list_short(hubs, reach)]
     left = set(hubs)
     while left:
         found, open_hubs = set(), [min(left)]
         while open_hubs:
             hub = open_hubs.pop()
             found.add(hub)
-            for number, length in lengths.items():
-                pair = lines.arcs[number].hubs
-                if length <= reach and hub in pair:
-                    open_hubs += [other for other in pair if other in left and other not in found]
+            open_hubs += [other for pair in pairs if hub in pair for other in pair if other not in found]
         left -= found
         if len(found) > _MAX_CLUSTER:
-            yield from _list_clusters(lines, lengths, _NARROWER * reach, sorted(found))
+            yield from _list_clusters(survey, _NARROWER * reach, sorted(found))
         else:
             yield sorted(found), reach
 
 
-def _list_connected(hubs: Sequence[int], lines: Lines, short: dict[int, float]) -> Iterator[tuple[int, ...]]:
+def _list_connected(hubs: Sequence[int], survey: _Survey, short: Sequence[int]) -> Iterator[tuple[int, ...]]:
     """Yield sets of hubs that short arcs connect."""
-    pairs = [set(lines.arcs[number].hubs) for number in short]
+    pairs = [set(survey.lines.arcs[number].hubs) for number in short]
     for count in range(1, _MAX_HUBS + 1):
         for chosen in combinations(hubs, count):
             reached, more = {chosen[0]}, True
@@ -164,38 +187,35 @@ def _list_connected(hubs: Sequence[int], lines: Lines, short: dict[int, float]) 
                 yield chosen
 
 
-def _make_group(
-    hubs: tuple[int, ...],
-    lines: Lines,
-    drawn: SurfaceMap,
-    ends: list[list[tuple[int, int]]],
-    ports: dict[tuple[int, int], Port],
-    short: dict[int, float],
-    on_table: bool,
-) -> Group | None:
+def _make_group(hubs: tuple[int, ...], survey: _Survey, short: Sequence[int]) -> Group | None:
     """Return hubs as one place; None if they cannot be one."""
+    lines = survey.lines
     inner = tuple(number for number in short if set(lines.arcs[number].hubs) <= set(hubs))
-    if len(inner) >= len(hubs) and max(short[number] for number in inner) > _MAX_AROUND:
+    lengths = [survey.lengths[number] for number in inner]
+    if len(inner) >= len(hubs) and max(lengths) > _MAX_AROUND:
         return None
-    at = [(end, hub) for hub in hubs for end in ends[hub] if end[0] not in inner]
-    own = [ports[end] for end, _ in at]
-    torn = all(short[number] < _MAX_TORN for number in inner) and _meet_at_one(
-        hubs, lines, drawn, ends, ports
-    )
+    ports, at = _list_ports(hubs, inner, survey)
+    torn = all(length < _MAX_TORN for length in lengths) and _meet_at_one(hubs, survey)
     cells = np.concatenate([lines.hubs[list(hubs)], *(lines.arcs[number].cells for number in inner)])
-    readings = list_readings(own, [hub for _, hub in at], cells, drawn, on_table, torn)
-    return Group(hubs, inner, own, [hub for _, hub in at], cells.mean(axis=0), readings) if readings else None
+    readings = list_readings(ports, at, cells, survey.drawn, survey.on_table, torn)
+    return Group(hubs, inner, ports, at, cells.mean(axis=0), readings) if readings else None
 
 
-def _meet_at_one(
-    hubs: Sequence[int],
-    lines: Lines,
-    drawn: SurfaceMap,
-    ends: list[list[tuple[int, int]]],
-    ports: dict[tuple[int, int], Port],
-) -> bool:
+def _list_ports(
+    hubs: Collection[int], inner: Collection[int], survey: _Survey
+) -> tuple[list[Port], list[int]]:
+    """Return the ports of hubs but those of the arcs between them, and the hub of each."""
+    at = [(end, hub) for hub in hubs for end in survey.ends[hub] if end[0] not in inner]
+    return [survey.ports[end] for end, _ in at], [hub for _, hub in at]
+
+
+def _meet_at_one(hubs: Sequence[int], survey: _Survey) -> bool:
     """Tell whether branches part at one place, though perhaps far back along the trunk."""
-    places = [find_parting(lines.hubs[hub], [ports[end] for end in ends[hub]], lines, drawn) for hub in hubs]
+    lines, drawn = survey.lines, survey.drawn
+    places = [
+        find_parting(lines.hubs[hub], [survey.ports[end] for end in survey.ends[hub]], lines, drawn)
+        for hub in hubs
+    ]
     reach = _MAX_TORN * float(drawn.sample_widths(lines.hubs[list(hubs)]).max())
     for (hub, place), (other, there) in combinations(zip(hubs, places, strict=True), 2):
         way = lines.hubs[other] - lines.hubs[hub]
@@ -205,63 +225,24 @@ def _meet_at_one(
     return True
 
 
-def _price_between(
-    number: int,
-    lines: Lines,
-    drawn: SurfaceMap,
-    ends: list[list[tuple[int, int]]],
-    ports: dict[tuple[int, int], Port],
-    on_table: bool,
-) -> float:
+def _price_between(number: int, survey: _Survey) -> float:
     """Return what it costs that two hubs are junctions, by the height of the arc between them."""
-    pair = lines.arcs[number].hubs
-    at = [(end, hub) for hub in pair for end in ends[hub] if end[0] != number]
-    own, hubs = [ports[end] for end, _ in at], [hub for _, hub in at]
-    return price_level(own, hubs, lines.arcs[number].cells, drawn, on_table) if len(own) == 4 else 0.0
+    arc = survey.lines.arcs[number]
+    ports, at = _list_ports(arc.hubs, (number,), survey)
+    return price_level(ports, at, arc.cells, survey.drawn, survey.on_table)
 
 
 def _solve(
     hubs: Sequence[int], groups: Sequence[Group], levels: dict[tuple[int, int], float], most: int
 ) -> list[tuple[float, list[Place]]]:
     """Return the readings of groups, which hold each hub once, that cost least; the next graphs too."""
-    solutions: list[tuple[float, list[tuple[int, int]]]] = []
-    least = np.inf
+    options = [(group, reading) for group in groups for reading in group.readings]
     by_first: dict[int, list[int]] = {hub: [] for hub in hubs}
-    for number, group in enumerate(groups):
+    for number, (group, _) in enumerate(options):
         by_first[min(group.hubs)].append(number)
-
-    def go_on(
-        done: frozenset[int], chosen: list[tuple[int, int]], joined: dict[int, float], cost: float
-    ) -> None:
-        nonlocal least
-        if cost > least + _PRUNED:
-            return
-        left = [hub for hub in hubs if hub not in done]
-        if not left:
-            least = min(least, cost)
-            solutions.append((cost, chosen))
-            return
-        for number in by_first[left[0]]:
-            group = groups[number]
-            if done.intersection(group.hubs):
-                continue
-            for place, reading in enumerate(group.readings):
-                own = _limit_levels(group, reading)
-                now = joined | own
-                more = reading.cost + sum(
-                    min(level, now[a], now[b])
-                    for (a, b), level in levels.items()
-                    if a in now and b in now and (a in own) != (b in own)
-                )
-                go_on(done.union(group.hubs), [*chosen, (number, place)], now, cost + more)
-
-    go_on(frozenset(), [], {}, 0.0)
+    solutions = _search(hubs, options, by_first, levels)
     described = [
-        (
-            cost,
-            chosen,
-            _describe([(groups[number], groups[number].readings[place]) for number, place in chosen]),
-        )
+        (cost, chosen, _describe([options[number] for number in chosen]))
         for cost, chosen in sorted(solutions)
     ]
     found: list[tuple[float, list[Place]]] = []
@@ -272,21 +253,56 @@ def _solve(
         graphs.append(graph)
         # the smallest places tell most closely where strands meet
         _, _, best = min(
-            (sum(len(groups[number].inner) for number, _ in chosen), other, chosen)
+            (sum(len(options[number][0].inner) for number in chosen), other, chosen)
             for other, chosen, own in described
             if own == graph and other < cost + _ALIKE
         )
-        others = [(other - cost, set(chosen)) for other, chosen, own in described if own != graph]
+        others = [(other - cost, chosen) for other, chosen, own in described if own != graph]
         places = [
             Place(
-                groups[number],
-                groups[number].readings[place],
-                min((more for more, chosen in others if (number, place) not in chosen), default=np.inf),
+                *options[number],
+                min((more for more, chosen in others if number not in chosen), default=np.inf),
             )
-            for number, place in best
+            for number in best
         ]
         found.append((cost - described[0][0], places))
     return found
+
+
+def _search(
+    hubs: Sequence[int],
+    options: Sequence[tuple[Group, Reading]],
+    by_first: dict[int, list[int]],
+    levels: dict[tuple[int, int], float],
+) -> list[tuple[float, list[int]]]:
+    """Return costs and numbers of options that hold each hub once, but those that cost much more."""
+    solutions: list[tuple[float, list[int]]] = []
+    least = np.inf
+
+    def go_on(done: frozenset[int], chosen: list[int], joined: dict[int, float], cost: float) -> None:
+        nonlocal least
+        if cost > least + _PRUNED:
+            return
+        left = [hub for hub in hubs if hub not in done]
+        if not left:
+            least = min(least, cost)
+            solutions.append((cost, chosen))
+            return
+        for number in by_first[left[0]]:
+            group, reading = options[number]
+            if done.intersection(group.hubs):
+                continue
+            own = _limit_levels(group, reading)
+            now = joined | own
+            more = reading.cost + sum(
+                min(level, now[a], now[b])
+                for (a, b), level in levels.items()
+                if a in now and b in now and (a in own) != (b in own)
+            )
+            go_on(done.union(group.hubs), [*chosen, number], now, cost + more)
+
+    go_on(frozenset(), [], {}, 0.0)
+    return solutions
 
 
 def _limit_levels(group: Group, reading: Reading) -> dict[int, float]:
@@ -297,18 +313,18 @@ def _limit_levels(group: Group, reading: Reading) -> dict[int, float]:
 
 def _describe(places: Sequence[tuple[Group, Reading]]) -> list[tuple[str, ...]]:
     """Return which ends of strands are joined, alike for all groupings of hubs that make the same graph."""
-    joined: dict[tuple[int, int], int] = {}
-    onward: dict[tuple[int, int], tuple[int, int]] = {}
-    laid: set[tuple[int, int]] = set()
+    joined: dict[End, int] = {}
+    onward: dict[End, End] = {}
+    laid: set[End] = set()
     inner = {arc for group, _ in places for arc in group.inner}
     for number, (group, reading) in enumerate(places):
-        ends = [(port.arc, port.end) for port in group.ports]
+        ends = group.ends
         for some, other in reading.pairs:
             onward[ends[some]], onward[ends[other]] = ends[other], ends[some]
         joined.update({ends[port]: number for port in reading.junction})
         if reading.laid is not None:
             laid.add(ends[reading.laid])
-    arcs = {port.arc for group, _ in places for port in group.ports} - inner
+    arcs = {arc for group, _ in places for arc, _ in group.ends} - inner
     strands = []
     for start in sorted((arc, end) for arc in arcs for end in (0, 1)):
         if start in onward:
@@ -326,7 +342,7 @@ def _describe(places: Sequence[tuple[Group, Reading]]) -> list[tuple[str, ...]]:
         for number in set(joined.values())
     }
 
-    def name(end: tuple[int, int]) -> str:
+    def name(end: End) -> str:
         return "laid" if end in laid else names[joined[end]] if end in joined else str(end)
 
     return sorted((name(start), name(stop)) for start, stop in strands)

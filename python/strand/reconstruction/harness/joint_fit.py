@@ -12,6 +12,7 @@ import strand._core as _core
 from strand._core import NotEnoughDataError, TubeFit
 from strand.config import Config
 from strand.geometry.curve import Curve
+from strand.geometry.polyline import path_length
 from strand.reconstruction.harness.strands import Strand, list_pairs
 from strand.reconstruction.harness.wires import choose_radii
 from strand.reconstruction.tubes.clouds import Clouds
@@ -21,7 +22,6 @@ from strand.reconstruction.tubes.tube_nodes import make_chains
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
 
-_DENSER = 3  # points that fits take over those that tracing needs
 _RADIUS_SD = 0.2  # radii: deviation of half widths of the mask from radii
 _SAME_SD = 0.003  # radii: deviation of radii that were chosen
 _TUBE_SD = 0.05  # radii: deviation of radii of tubes fitted to points without noise
@@ -113,7 +113,7 @@ def _fit(
     """Fit roughly, then each strand's radius, then all with the radii that were chosen."""
     start = np.array([strand.half_width for strand in strands])
     # errors of near pixels are alike, so that more points say no more
-    clouds = clouds.thin(max(clouds.find_step(float(start.min())) // _DENSER, 1))
+    clouds = clouds.thin(clouds.find_fit_step(float(start.min())))
     possible = radii if radii is not None else bundles
     if possible is not None:
         start = _choose(possible, start)
@@ -136,17 +136,9 @@ def _fit(
         tolerance=ROUGH_TOLERANCE,
         **along_ray,
     )
-    widths = final = _weigh_radii(strands, alone, start)
-    deviation = _RADIUS_SD
-    for some, own_sd in ((radii, 0.0), (bundles, _SAME_SD)):
-        if some is None:
-            continue
-        chosen = choose_radii(widths, list_pairs(strands, len(places)), some)
-        final, deviation = some[chosen.numbers], max(own_sd, _SAME_SD if chosen.refused else 0.0)
-        if not chosen.refused:
-            break
-    held = deviation == 0.0
-    if not held:
+    widths = _weigh_radii(strands, alone, start)
+    final, deviation = _choose_final(widths, list_pairs(strands, len(places)), radii, bundles)
+    if deviation is not None:
         along_ray["radius_prior"] = np.column_stack([final, deviation * final])
     try:
         fit = fit_curves(
@@ -161,7 +153,22 @@ def _fit(
     chains = make_chains(fit, parts, closed, fit.radii_sd[fit.radius_classes], config)
     chains = [_bend_to(chain, strand, places) for chain, strand in zip(chains, strands, strict=True)]
     sizes = [len(points) for points in clouds.points]
-    return Fitted(fit, sizes, chains, places, covariances, final if held else widths)
+    return Fitted(fit, sizes, chains, places, covariances, final if deviation is None else widths)
+
+
+def _choose_final(
+    widths: Array, pairs: Sequence[tuple[int, int]], radii: Array | None, bundles: Array | None
+) -> tuple[Array, float | None]:
+    """Return the radius of each strand, and its relative deviation; None if it is held."""
+    final, deviation = widths, _RADIUS_SD
+    for some, is_held in ((radii, True), (bundles, False)):
+        if some is None:
+            continue
+        chosen = choose_radii(widths, pairs, some)
+        final, deviation = some[chosen.numbers], _SAME_SD
+        if not chosen.refused:
+            return final, None if is_held else deviation
+    return final, deviation
 
 
 def _weigh_radii(strands: Sequence[Strand], fit: TubeFit, radii: Array) -> Array:
@@ -264,7 +271,7 @@ def _sample_outward(part: Curve, place: Array, late: int, radius: float) -> Arra
 def _continue_inward(outward: Sequence[Array], radii: Sequence[float], own: int) -> Array:
     """Return the way (M, 3) of a strand to a junction and beyond, continued from where it is apart."""
     nodes, radius = outward[own], radii[own]
-    along = measure_arc(nodes)
+    along = path_length(nodes)
     apart = np.ones(len(nodes), dtype=bool)
     for other, others in enumerate(outward):
         if other != own:
@@ -281,11 +288,6 @@ def _continue_inward(outward: Sequence[Array], radii: Sequence[float], own: int)
     return np.asarray(np.polynomial.polynomial.polyval(s, bent).T)
 
 
-def measure_arc(nodes: Array) -> Array:
-    """Return the arc length at each of some nodes, metres."""
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1))])
-
-
 def _bend_to(chain: Chain, strand: Strand, places: Array) -> Chain:
     """Return a chain whose ends lie at its junctions."""
     points = np.array(chain.points)
@@ -293,8 +295,7 @@ def _bend_to(chain: Chain, strand: Strand, places: Array) -> Chain:
         number = strand.ends[late]
         if number is None:
             continue
-        away = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        s = np.concatenate([[0.0], np.cumsum(away)])
+        s = path_length(points)
         s = s[-1] - s if late else s
         share = np.clip(1.0 - s / min(_SHIFTED * chain.radius, 0.5 * s.max()), 0.0, None) ** 2
         points = points + share[:, None] * (places[number] - points[-late])

@@ -21,6 +21,9 @@ _ROUNDS = 8  # of pruning at most: each takes the spurs that the last one left
 NO_HUB = -1
 """The hub of an arc's free end."""
 
+End = tuple[int, int]
+"""An arc's number, and 0 for its first or 1 for its last cell."""
+
 
 @dataclass(frozen=True, eq=False)
 class Arc:
@@ -56,8 +59,8 @@ class Lines:
     hubs: Array
     arcs: list[Arc]
 
-    def list_ends(self, hub: int) -> list[tuple[int, int]]:
-        """Return the ends of arcs at a hub: the arc's number, and 0 for its first or 1 for its last cell."""
+    def list_ends(self, hub: int) -> list[End]:
+        """Return the ends of arcs at a hub."""
         return [
             (number, end) for number, arc in enumerate(self.arcs) for end in (0, 1) if arc.hubs[end] == hub
         ]

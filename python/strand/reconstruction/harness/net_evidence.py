@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from strand.geometry.polyline import path_length
 from strand.reconstruction.harness.strands import Strand, list_pairs
 from strand.ropes.doubt import Doubt
 from strand.ropes.harness import Harness
@@ -32,7 +33,7 @@ def weigh_layouts(net: Netlist, layouts: Sequence[tuple[list[Strand], int]]) -> 
     for strands, junctions in layouts:
         pairs = list_pairs(strands, junctions)
         found = [
-            (*pair, _measure_length(strand), strand.half_width, None)
+            (*pair, float(path_length(strand.nodes)[-1]), strand.half_width, None)
             for pair, strand in zip(pairs, strands, strict=True)
         ]
         match = match_netlist(net, found, _TOLERANCE)
@@ -44,7 +45,8 @@ def weigh_layouts(net: Netlist, layouts: Sequence[tuple[list[Strand], int]]) -> 
 def doubt_differences(net: Netlist, harness: Harness) -> list[Doubt]:
     """Doubt a harness that lacks branches of a netlist, or has more."""
     match = harness.match(net)
-    own = _find_part(harness, [node for node in match.nodes.values() if node is not None])
+    named = [node for node in match.nodes.values() if node is not None]
+    own = {*named, *(edge.stop for node in named for edge in harness.tree(node))}
     missing = [f"{edge.start} to {edge.stop} is missing" for edge in match.missing]
     # what hangs not together with it is another rope
     extra = [f"edge {number} is too many" for number in match.extra if harness.edges[number].start in own]
@@ -52,20 +54,3 @@ def doubt_differences(net: Netlist, harness: Harness) -> list[Doubt]:
         return []
     reason = f"it differs from the netlist: {', '.join([*missing, *extra])}"
     return [Doubt("rival", _DIFFERS, "which harness it is", reason)]
-
-
-def _find_part(harness: Harness, nodes: Sequence[int]) -> set[int]:
-    """Return the nodes that hang together with some."""
-    found = set(nodes)
-    for _ in harness.nodes:
-        found |= {
-            node
-            for edge in harness.edges
-            for node in (edge.start, edge.stop)
-            if found & {edge.start, edge.stop}
-        }
-    return found
-
-
-def _measure_length(strand: Strand) -> float:
-    return float(np.linalg.norm(np.diff(strand.nodes, axis=0), axis=1).sum())

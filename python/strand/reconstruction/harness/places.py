@@ -6,13 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from strand.reconstruction.harness.groups import Place, list_layouts
-from strand.reconstruction.harness.lines import Lines
+from strand.reconstruction.harness.lines import End, Lines
 from strand.reconstruction.harness.parting import find_parting, find_tip
 from strand.reconstruction.harness.surface_map import SurfaceMap
 from strand.support.checks import Array
-
-End = tuple[int, int]
-"""An arc's number, and 0 for its first or 1 for its last cell."""
 
 _MAX_MARGIN = 4.0  # margin of a junction at most
 _UNLIKE = 0.3  # share of a junction's unexplained heights that lessens its margin
@@ -115,7 +112,7 @@ def collect_decisions(lines: Lines, drawn: SurfaceMap, places: Sequence[Place]) 
     for number, place in enumerate(places):
         group, reading = place.group, place.reading
         inner.update(group.inner)
-        ends = [(port.arc, port.end) for port in group.ports]
+        ends = group.ends
         for (some, other), height, crossed in zip(
             reading.pairs, reading.heights, reading.others, strict=True
         ):

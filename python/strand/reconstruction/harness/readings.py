@@ -101,7 +101,7 @@ def list_readings(
         readings = _read_four(own, hubs, middle, drawn, on_table, one or torn)
     elif len(own) == 5:
         readings = _read_five(own, hubs, middle, drawn, on_table)
-    if one and len(own) != 3 and len(own) != 4:
+    if one and len(own) not in (3, 4):
         readings.append(_join_all(len(own)))
     further = _FURTHER * max(count - 2, 0)
     saved = _TORN if torn and not one else 0.0
@@ -134,8 +134,7 @@ def _read_three(own: Sequence[Port], drawn: SurfaceMap, on_table: bool) -> list[
         radius = drawn.cell * end.half_width
         deviation = _measure_deviation(own, radius)
         bend = measure_angle(-some.mean_direction, other.mean_direction)
-        widths = (some.half_width - other.half_width) / (0.5 * (some.half_width + other.half_width))
-        straight = (bend / _BEND) ** 2 + (widths / _WIDTH) ** 2 + _LAID
+        straight = (bend / _BEND) ** 2 + _price_widths(some, other) + _LAID
         # a strand that is thicker than both has a higher surface
         thicker = radius - drawn.cell * max(some.half_width, other.half_width)
         rise = end.near - max(some.rest, other.rest) - 2.0 * max(thicker, 0.0)
@@ -189,18 +188,19 @@ def _read_five(
     """Return strands that pass a junction of three."""
     readings = []
     top = float(np.percentile(drawn.sample_heights(middle), _TOP))
+    base = max(port.rest for port in own)
     axes = np.array([port.height - drawn.cell * port.half_width for port in own])
+    widths = drawn.cell * np.array([port.half_width for port in own])
+    radius = float(widths.mean())
+    deviation = _measure_deviation(own, radius)
     for pair in combinations(range(5), 2):
         if _turn_back(pair, hubs):
             continue
         rest = tuple(number for number in range(5) if number not in pair)
-        widths = drawn.cell * np.array([port.half_width for port in own])
-        radius = float(widths.mean())
-        deviation = _measure_deviation(own, radius)
         passing, joint = axes[list(pair)].mean(), axes[list(rest)].mean()
         rise = abs(float(passing - joint))
         if on_table:
-            rise = max(rise, top - max(port.rest for port in own))
+            rise = max(rise, top - base)
         cost = _BRANCH + _price_continuation(own[pair[0]], own[pair[1]])
         astray, place = _find_meeting([own[number] for number in rest], middle)
         cost += astray
@@ -225,8 +225,13 @@ def _price_continuation(some: Port, other: Port) -> float:
     way = other.place - some.place
     way = way / max(float(np.linalg.norm(way)), 1e-9)
     side = measure_angle(-some.direction, way) + measure_angle(other.direction, way)
-    widths = (some.half_width - other.half_width) / (0.5 * (some.half_width + other.half_width))
-    return float((bend / _BEND) ** 2 + (side / _SIDE) ** 2 + (widths / _WIDTH) ** 2)
+    return float((bend / _BEND) ** 2 + (side / _SIDE) ** 2 + _price_widths(some, other))
+
+
+def _price_widths(some: Port, other: Port) -> float:
+    """Return the cost of two ports of different widths that are one strand."""
+    mean = 0.5 * (some.half_width + other.half_width)
+    return ((some.half_width - other.half_width) / mean / _WIDTH) ** 2
 
 
 def _find_meeting(own: Sequence[Port], middle: Array) -> tuple[float, Array]:

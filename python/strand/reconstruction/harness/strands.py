@@ -8,8 +8,8 @@ from itertools import count
 
 import numpy as np
 
-from strand.reconstruction.harness.lines import NO_HUB, Lines
-from strand.reconstruction.harness.places import Decisions, End, Passing
+from strand.reconstruction.harness.lines import NO_HUB, End, Lines
+from strand.reconstruction.harness.places import Decisions, Passing
 from strand.reconstruction.harness.ports import measure_along
 from strand.reconstruction.harness.surface_map import SurfaceMap
 from strand.support.checks import Array

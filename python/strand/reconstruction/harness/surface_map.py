@@ -20,9 +20,7 @@ _MARGIN = 6.0  # of the map around the ropes, greatest radii
 _MAX_CELLS = 16_000_000  # of a map: more are no ropes
 _OCCUPIED = 0.38  # density of a rope at least, its upper quartile
 _WELL_SEEN = 0.3  # density at which heights count, the same
-_AROUND = (
-    6.0  # standard deviation of the stretch around a cell that tells how dense ropes are, greatest radii
-)
+_AROUND = 6.0  # deviation of the stretch around a cell that tells how dense ropes are, greatest radii
 _COARSE = 0.5  # side of the blocks of cells that are taken together for it, greatest radii
 _FLOOR = 0.3  # density at which the table is seen, its median
 _MIN_FLOOR = 1e-6  # points in a cell where the table counts as seen at all

@@ -17,6 +17,7 @@ Pair = tuple[int, int]
 """Two ends of arcs: end 2k is the first node of arc k, 2k + 1 its last."""
 
 _TRACED_POINTS = 20  # points per voxel, two radii wide, that tracing needs; fits take all points
+_DENSER = 3  # points that a fit of few points takes over those that tracing needs
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,10 @@ class Clouds:
         count = sum(map(len, self.points))
         occupied = _core.count_voxels(self.points, 2.0 * radius)
         return max(round(count / (_TRACED_POINTS * max(occupied, 1))), 1)
+
+    def find_fit_step(self, radius: float) -> int:
+        """Return the largest step of `thin` that leaves enough points for fits."""
+        return max(self.find_step(radius) // _DENSER, 1)
 
     def thin_for_tracing(self, radius: float) -> Clouds:
         """Return as few points as tracing needs."""
