@@ -22,6 +22,11 @@ from strand.support.checks import Array, check_positive
 EDGE_COLUMNS = ("edge", "start", "stop", "length", "radius", "radius_sd", "wires")
 
 _DAMPING = 0.01  # seconds, times the stiffness of a joint
+_ARMATURE = (
+    1.0 / 3.0
+)  # of a segment's mass times its length squared: inertia of joints; without it, twist jumps
+# welds hold to a few millimetres when a harness falls on a table; the usual ones give way by centimetres
+_WELD = {"solref": "0.004 1", "solimp": "0.99 0.999 0.001"}
 _MAX_DEPTH = 400  # bodies in each other: MuJoCo and XML readers nest calls
 
 
@@ -117,9 +122,9 @@ def make_harness_mjcf(
     """Return a MuJoCo model of trees of capsules, see `strand.ropes.harness.Harness.save_mjcf`."""
     density, young = check_positive("density", density), check_positive("young", young)
     model = ElementTree.Element("mujoco", model="harness")
-    ElementTree.SubElement(model, "option", integrator="implicitfast")
+    ElementTree.SubElement(model, "option", integrator="implicit")
     world = ElementTree.SubElement(model, "worldbody")
-    closing: list[tuple[str, str, Array]] = []
+    closing: list[tuple[str, str, str, Array]] = []
     for root, branches in trees:
         body = ElementTree.SubElement(world, "body", name=f"node_{root}", pos=format_numbers(places[root]))
         ElementTree.SubElement(body, "freejoint")
@@ -140,18 +145,17 @@ def make_harness_mjcf(
             path[0] = places[branch.start]
             body = _add_segments(body, origin, branch, path, density, young)
             if branch.stop in held:
-                # it would close a cycle: its end is held to the node's body
-                name = f"edge_{branch.number}_{len(path) - 2}"
-                other = held[branch.stop][0].get("name", "")
-                closing.append((name, other, path[-1] - path[-2]))
+                # it would close a cycle: its last body is welded to the node's
+                node, origin, _ = held[branch.stop]
+                last, other = body.get("name", ""), node.get("name", "")
+                closing.append((f"edge_{branch.number}_weld", last, other, places[branch.stop] - origin))
             else:
                 held[branch.stop] = body, path[-2], depth + len(path) - 1
     if closing:
         equality = ElementTree.SubElement(model, "equality")
-        for name, other, anchor in closing:
-            ElementTree.SubElement(
-                equality, "connect", body1=name, body2=other, anchor=format_numbers(anchor)
-            )
+        for name, body_name, node_name, anchor in closing:
+            bodies = {"body1": body_name, "body2": node_name, "anchor": format_numbers(anchor)}
+            ElementTree.SubElement(equality, "weld", {"name": name} | bodies | _WELD)
     return format_document(model)
 
 
@@ -174,6 +178,7 @@ def _add_segments(
                 type="ball",
                 stiffness=format_numbers(stiffness),
                 damping=format_numbers(_DAMPING * stiffness),
+                armature=format_numbers(_ARMATURE * density * math.pi * radius**2 * length**3),
             )
         ElementTree.SubElement(
             parent,

@@ -350,7 +350,8 @@ class Harness:
         """Write the harness as a rigid tree to a URDF file, fixed to the link `world`.
 
         Each node has a link such as `node_0`, a frame along the world's axes, and each edge one such as
-        `edge_0`, welded to the node where it starts. Shapes are those of `Model.save_urdf`.
+        `edge_0`, welded to the node where it starts. As all is rigid, edges that close a cycle also stay at
+        the node where they stop. Shapes are those of `Model.save_urdf`.
 
         Parameters
         ----------
@@ -374,7 +375,8 @@ class Harness:
         """Write the harness as a MuJoCo model of capsules that bends and falls.
 
         Bodies such as `edge_0_3` hang in each other with ball joints; the first of each edge is welded to its
-        junction. An equality holds edges that close a cycle. The harness touches other things, not itself.
+        junction. Equalities such as `edge_2_weld` weld the last body of edges that close a cycle to the
+        junction where they stop. The harness touches other things, not itself.
 
         Parameters
         ----------

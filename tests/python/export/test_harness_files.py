@@ -123,6 +123,47 @@ def test_a_tree_of_capsules_falls_bends_and_stays_joined(tmp_path, pairs):
     assert (data.qpos[2] < harness.nodes[0].position[2]).all()
 
 
+CYCLES = {
+    "square": [(0, 1), (1, 2), (2, 3), (3, 0), (2, 4)],
+    "eight": [(0, 1), (1, 2), (2, 0), (2, 3), (3, 4), (4, 2)],
+    "mesh": [(0, 1), (1, 2), (2, 3), (3, 0), (0, 2)],
+    "loop": [(0, 1), (1, 1), (1, 2)],
+}
+
+
+@pytest.mark.parametrize("young", [1e5, 1e6, 1e7])
+@pytest.mark.parametrize("pairs", [PAIRS["tree"], *CYCLES.values()], ids=["tree", *CYCLES])
+def test_what_falls_on_a_floor_stays_welded(tmp_path, pairs, young):
+    harness = make_harness(pairs, seed=5)
+    harness.save_mjcf(tmp_path / "harness.xml", spacing=0.04, young=young)
+    tree = ElementTree.parse(tmp_path / "harness.xml")
+    low = min(edge.chain.points[:, 2].min() for edge in harness.edges) - 0.05
+    floor = {"type": "plane", "size": "3 3 0.1", "pos": f"0 0 {low}", "contype": "0", "conaffinity": "1"}
+    ElementTree.SubElement(tree.getroot().find("worldbody"), "geom", floor)
+    tree.write(tmp_path / "floor.xml")
+    model, data = load(tmp_path / "floor.xml")
+    assert model.neq == len(pairs) - len(harness.nodes) + 1
+    assert set(model.eq_type.tolist()) <= {int(mujoco.mjtEq.mjEQ_WELD)}
+    before = data.xmat.reshape(-1, 3, 3).copy()
+    hold = [(model.eq_obj1id[k], model.eq_obj2id[k]) for k in range(model.neq)]
+    offsets = [before[b].T @ (data.xpos[a] - data.xpos[b]) for a, b in hold]
+    landed = False
+    for _ in range(round(1.0 / model.opt.timestep)):
+        earlier = data.xpos.copy()
+        mujoco.mj_step(model, data)
+        landed |= data.ncon > 2
+        # it falls some 0.4 m, at 3 m/s in the end, and ends of bends whip
+        assert np.linalg.norm(data.xpos - earlier, axis=1).max() / model.opt.timestep < 10.0
+    assert landed
+    assert not any(warning.number for warning in data.warning)
+    turned = data.xmat.reshape(-1, 3, 3)
+    for (a, b), offset in zip(hold, offsets, strict=True):
+        assert np.linalg.norm(turned[b].T @ (data.xpos[a] - data.xpos[b]) - offset) < 0.002
+        angle = np.arccos(np.clip((np.trace(turned[b].T @ turned[a]) - 1.0) / 2.0, -1.0, 1.0))
+        assert angle < np.radians(5.0)
+    assert data.xpos[1:, 2].min() > low - 0.01
+
+
 def test_a_ring_and_segments_without_end(tmp_path):
     circle = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
     ring = strand.Chain(
