@@ -25,6 +25,7 @@ from strand.cli.outputs import protect_inputs
 from strand.cli.terminal import flush_before_message, print_message
 from strand.cli.track_frames import FrameSource, require_depth
 from strand.io.lerobot.layout import is_data_set
+from strand.report.drawn_points import choose_points
 from strand.report.rerun_tracks import write_track_recording
 from strand.report.scene_updates import write_mcap
 from strand.report.track_page import write_track_report
@@ -33,6 +34,8 @@ from strand.support.checks import Array
 from strand.support.extras import import_extra
 from strand.support.files import check_suffix, replace_file, require_writable
 from strand.tracking.track import Track
+
+_MOST_POINTS = 20_000  # of a frame that Rerun shows
 
 DESCRIPTION = """\
 Follow the same ropes through the frames of a recording, and write a Parquet
@@ -256,7 +259,7 @@ def _follow(
             film.tracks.append(track)
             if options.rerun is not None:
                 points = np.concatenate([view.world_points for view in masked.views])
-                film.clouds.append(points.astype(np.float32))
+                film.clouds.append(choose_points(points, track.model, _MOST_POINTS).astype(np.float32))
     if counts.last is None and first_error is not None:
         raise first_error
     if not counts.frames and options.frame:

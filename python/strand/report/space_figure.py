@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from strand._core import NotEnoughDataError
 from strand.geometry.polyline import find_runs
 from strand.report.cameras import Camera
-from strand.report.drawing import INK, pick_spread
+from strand.report.drawing import INK
 from strand.report.drawn_chains import compute_deviations
+from strand.report.drawn_points import choose_points
 from strand.report.plotly_traces import Pen, join_with_gaps, pack_numbers
 from strand.ropes.chain import Chain
 from strand.ropes.model import Model, list_model_crossings
@@ -27,9 +28,6 @@ from strand.support.checks import Array
 MAX_POINTS = 40_000  # points that are drawn
 MAX_NODES = 8_000  # nodes of all chains that are drawn
 MAX_TRUE_NODES = 2_000  # nodes of all true centrelines that are drawn
-_NEAR = 3.0  # radii: points nearer to a rope's axis are drawn densely
-_FAR_SHARE = 0.25  # of the points that are drawn may lie farther away
-_TRIED = 10  # times as many points are looked at as are drawn
 MAX_PLACES = 150  # ends, crossings, doubts, joins and cameras, each
 MAX_GROUPS = 30  # entries in the legend for views, and for chains
 _MAX_OFFSET = 10.0  # metres from the origin: farther away, 32-bit numbers lose parts of a millimetre
@@ -168,25 +166,13 @@ def _draw_views(pen: Pen, clouds: Sequence[Array], model: Model) -> list[dict[st
     traces = []
     for k, group in enumerate(groups):
         points = np.vstack([clouds[i] for i in group])
-        kept = _choose_points(points, model, int(share * len(points)))
+        kept = choose_points(points, model, int(share * len(points)))
         name = f"view {group[0]}" if len(group) == 1 else f"views {group[0]} to {group[-1]}"
         some = f"{len(points):,}" if len(kept) == len(points) else f"{len(kept):,} of {len(points):,}"
         marker = {"color": _pick_hue(k / max(len(groups) - 1, 1)), "size": 1.6, "opacity": 0.4}
         trace = pen.make_trace(kept, "markers", f"{name}: {some} points")
         traces.append(trace | {"marker": marker, "hoverinfo": "skip"})
     return traces
-
-
-def _choose_points(points: Array, model: Model, most: int) -> Array:
-    """Return at most so many of points (N, 3); where that is not all, few of those far from ropes."""
-    if len(points) <= most or not model.chains:
-        return np.asarray(points[pick_spread(len(points), most)])
-    points = points[pick_spread(len(points), _TRIED * most)]
-    reach = _NEAR * max(chain.radius for chain in model.chains)
-    near = model.nearest(points).distance < reach
-    close, others = points[near], points[~near]
-    thin = others[pick_spread(len(others), int(_FAR_SHARE * most))]
-    return np.concatenate([close[pick_spread(len(close), most - len(thin))], thin])
 
 
 def _pick_hue(part: float) -> str:

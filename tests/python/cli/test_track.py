@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from types import ModuleType
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -203,6 +204,22 @@ def test_missing_packages_are_named_before_the_work(option, module, monkeypatch,
     monkeypatch.setitem(sys.modules, module, None)
     assert main(["track", "no.bag", option, "a.parquet"]) == 3
     assert "is needed here: pip install" in capsys.readouterr().err
+
+
+def test_rerun_shows_a_bounded_number_of_points_near_the_ropes(made, frames, tmp_path, monkeypatch):
+    folder, shown = save_images(tmp_path / "depth", frames[:2]), []
+    monkeypatch.setitem(sys.modules, "rerun", ModuleType("rerun"))
+    monkeypatch.setattr(
+        "strand.cli.track.write_track_recording",
+        lambda tracks, path, numbers, clouds: shown.extend(zip(tracks, clouds, strict=True)),
+    )
+    words = [*K_WORDS, "--radius", f"{made.radius}", "--rerun", str(tmp_path / "a.rrd")]
+    assert main(["track", str(folder), *words]) == 0
+    assert len(shown) == 2
+    for track, cloud in shown:
+        assert 5_000 < len(cloud) <= 20_000  # of 307,200 pixels
+        near = track.model.nearest(cloud.astype(float)).distance < 3.0 * made.radius
+        assert near.mean() > 0.3
 
 
 def test_a_page_is_written_along(made, frames, tmp_path, capsys):
