@@ -22,9 +22,7 @@ from strand.support.checks import Array, check_positive
 EDGE_COLUMNS = ("edge", "start", "stop", "length", "radius", "radius_sd", "wires")
 
 _DAMPING = 0.01  # seconds, times the stiffness of a joint
-_ARMATURE = (
-    1.0 / 3.0
-)  # of a segment's mass times its length squared: inertia of joints; without it, twist jumps
+_ARMATURE = 1.0 / 3.0  # of a segment's mass and squared length: inertia of joints, without which twist jumps
 # welds hold to a few millimetres when a harness falls on a table; the usual ones give way by centimetres
 _WELD = {"solref": "0.004 1", "solimp": "0.99 0.999 0.001"}
 _MAX_DEPTH = 400  # bodies in each other: MuJoCo and XML readers nest calls

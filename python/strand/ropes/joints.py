@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from strand.geometry.line import Line
@@ -15,16 +16,28 @@ _REACH = 4.0  # sums of two radii along both strands, within which they count as
 def meet_at_node(
     chains: Sequence[Line], ends: Ends, first: tuple[int, float], second: tuple[int, float]
 ) -> bool:
-    """Tell whether two places, each a chain's number and an arc length, are near a node that chains share."""
+    """Tell whether two places, each a chain's number and an arc length, are near one node of the harness.
+
+    The way to the node may lead over edges that are shorter than the reach.
+    """
     if not ends:
         return False
     reach = _REACH * (chains[first[0]].radius + chains[second[0]].radius)
-    near = [
-        {
-            node
-            for node, away in zip(ends[number], (s, chains[number].length - s), strict=True)
-            if away < reach
-        }
-        for number, s in (first, second)
-    ]
-    return bool(near[0] & near[1])
+    near = _find_near_nodes(chains, ends, first, reach)
+    return bool(near) and not near.isdisjoint(_find_near_nodes(chains, ends, second, reach))
+
+
+def _find_near_nodes(chains: Sequence[Line], ends: Ends, place: tuple[int, float], reach: float) -> set[int]:
+    """Return the nodes to which the way along the edges is shorter than a reach."""
+    number, s = place
+    ways = list(zip(ends[number], (s, chains[number].length - s), strict=True))
+    shortest: dict[int, float] = {}
+    while ways:
+        node, away = ways.pop()
+        if away >= min(reach, shortest.get(node, math.inf)):
+            continue
+        shortest[node] = away
+        for chain, pair in zip(chains, ends, strict=True):
+            if node in pair and chain.length < reach:
+                ways.append((pair[0] if node == pair[1] else pair[1], away + chain.length))
+    return set(shortest)

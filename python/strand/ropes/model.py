@@ -593,7 +593,7 @@ class Model:
         """Write the ropes as a MuJoCo model in which they bend, fall and touch.
 
         Each rope starts, and rests, in its measured shape. Another model may `include` the file; the
-        integrator must stay the one in the file.
+        integrator must stay the one in the file. Edges of a harness come apart: use `Harness.save_mjcf`.
 
         Parameters
         ----------

@@ -131,7 +131,7 @@ CYCLES = {
 }
 
 
-@pytest.mark.parametrize("young", [1e5, 1e6, 1e7])
+@pytest.mark.parametrize("young", [1e5, 1e7])
 @pytest.mark.parametrize("pairs", [PAIRS["tree"], *CYCLES.values()], ids=["tree", *CYCLES])
 def test_what_falls_on_a_floor_stays_welded(tmp_path, pairs, young):
     harness = make_harness(pairs, seed=5)
