@@ -10,7 +10,7 @@ import numpy as np
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import Crossing
 from strand.ropes.grasps import Gripper, find_grasps
-from strand.ropes.model import Model
+from strand.ropes.model import Model, list_ends
 from strand.ropes.pulls import plan_pulls
 from strand.support.checks import Array
 
@@ -37,7 +37,7 @@ def draw_direction(chain: Chain, color: Message) -> Message:
 def draw_pulls(model: Model, crossings: Sequence[Crossing]) -> list[Message]:
     """Return an arrow for each move of a plan; all but the first are faint, as it alone is sure."""
     arrows = []
-    for number, pull in enumerate(plan_pulls(model.chains, crossings, model.up).pulls):
+    for number, pull in enumerate(plan_pulls(model.chains, crossings, model.up, list_ends(model)).pulls):
         radius, color = model.chains[pull.chain].radius, _LATER_PULL if number else _PULL
         arrows.append(_draw_free(pull.place, pull.direction, pull.distance, radius, color))
     return arrows

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 
 from strand.geometry.line import Line
@@ -41,3 +42,8 @@ def _find_near_nodes(chains: Sequence[Line], ends: Ends, place: tuple[int, float
             if node in pair and chain.length < reach:
                 ways.append((pair[0] if node == pair[1] else pair[1], away + chain.length))
     return set(shortest)
+
+
+def is_joined(ends: Ends, chain: int, side: int) -> bool:
+    """Tell whether the start (side 0) or the stop (1) of a chain is at a node where others end too."""
+    return bool(ends) and Counter(node for pair in ends for node in pair)[ends[chain][side]] > 1

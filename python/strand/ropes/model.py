@@ -382,7 +382,7 @@ class Model:
             In order along the chains.
         """
         towards = self._choose_direction(direction)
-        return find_crossings(self.chains, towards, self.doubts, self.confidence, _list_ends(self))
+        return find_crossings(self.chains, towards, self.doubts, self.confidence, list_ends(self))
 
     def contacts(self, distance: float, direction: ArrayLike | None = None) -> tuple[Contact, ...]:
         """Find where strands lie near each other without crossing.
@@ -405,7 +405,7 @@ class Model:
         tuple of Contact
             In order along the chains.
         """
-        return find_contacts(self.chains, distance, self._choose_direction(direction), _list_ends(self))
+        return find_contacts(self.chains, distance, self._choose_direction(direction), list_ends(self))
 
     def segment_between_crossings(
         self, chain: int, s: float, direction: ArrayLike | None = None
@@ -478,8 +478,8 @@ class Model:
         way. An end that is pulled out counts twice, a strand that is lifted over an end three times. The
         length of an end without room to lie straight is added eight times.
 
-        This takes apart loose open ropes. Of rings only loops are lifted. How much a tight knot resists is
-        unknown.
+        This takes apart loose open ropes. Of rings only loops are lifted, and ends at junctions stay. How
+        much a tight knot resists is unknown.
 
         Parameters
         ----------
@@ -493,7 +493,7 @@ class Model:
             Empty if nothing crosses. Only its first move is sure: look again after it.
         """
         towards = self._choose_direction(direction)
-        return plan_pulls(self.chains, self.crossings(towards), towards)
+        return plan_pulls(self.chains, self.crossings(towards), towards, list_ends(self))
 
     def _choose_direction(self, direction: ArrayLike | None) -> ArrayLike:
         return self.up if direction is None else direction
@@ -657,7 +657,7 @@ class Model:
         pull = self._choose_gravity(gravity)
         nodes = () if self.harness is None else [node.position for node in self.harness.nodes]
         made = make_usd(
-            self.chains, spacing, density, young, stretch, pinned, tube, pull, nodes, _list_ends(self)
+            self.chains, spacing, density, young, stretch, pinned, tube, pull, nodes, list_ends(self)
         )
         write_bytes(path, made)
 
@@ -690,10 +690,10 @@ class Model:
 def list_model_crossings(model: Model, direction: ArrayLike | None = None) -> tuple[Crossing, ...] | None:
     """Return a model's crossings for files, tables and pages; None if there are too many to list."""
     towards = model.up if direction is None else direction
-    return list_crossings(model.chains, towards, model.doubts, model.confidence, _list_ends(model))
+    return list_crossings(model.chains, towards, model.doubts, model.confidence, list_ends(model))
 
 
-def _list_ends(model: Model) -> Ends:
+def list_ends(model: Model) -> Ends:
     """Return the nodes of a harness at the ends of each chain."""
     return () if model.harness is None else [(edge.start, edge.stop) for edge in model.harness.edges]
 

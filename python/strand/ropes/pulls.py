@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from strand.geometry.frames import check_direction
 from strand.geometry.line import Line
 from strand.ropes.crossings import Crossing
+from strand.ropes.joints import Ends, is_joined
 from strand.support.checks import Array
 
 _BEYOND_CROSSING = 2.0  # both radii: how far a rope is moved beyond a crossing
@@ -85,7 +86,8 @@ class PullPlan:
     pulls : tuple of Pull
         The moves in order. All are planned for the ropes as they lie now: look again after each.
     left : tuple of Crossing
-        Crossings that remain: those of rings with each other or themselves.
+        Crossings that remain: those of rings with each other or themselves, and of edges of a harness that
+        end at junctions.
     """
 
     pulls: tuple[Pull, ...]
@@ -112,14 +114,16 @@ class _Way(NamedTuple):
     effort: float
 
 
-def plan_pulls(chains: Sequence[Line], crossings: Sequence[Crossing], direction: ArrayLike) -> PullPlan:
+def plan_pulls(
+    chains: Sequence[Line], crossings: Sequence[Crossing], direction: ArrayLike, ends: Ends = ()
+) -> PullPlan:
     """Plan the moves that take ropes apart, see `Model.pull_plan`."""
     towards = check_direction("direction", direction)
     left = dict(enumerate(crossings))
     pulls = []
     while left:
         passes = _list_passes(chains, left)
-        ways = [*_plan_loops(chains, left, passes, towards), *_plan_ends(chains, left, passes, towards)]
+        ways = [*_plan_loops(chains, left, passes, towards), *_plan_ends(chains, left, passes, towards, ends)]
         if not ways:
             break
         # least effort for each undone crossing
@@ -219,14 +223,20 @@ def _find_side(
 
 
 def _plan_ends(
-    chains: Sequence[Line], crossings: dict[int, Crossing], passes: list[list[_Pass]], towards: Array
+    chains: Sequence[Line],
+    crossings: dict[int, Crossing],
+    passes: list[list[_Pass]],
+    towards: Array,
+    ends: Ends,
 ) -> list[_Way]:
-    """Return moves that undo the crossing next to an end: by the end, or by a strand lifted over it."""
+    """Return moves that undo the crossing next to a free end: by the end, or by a strand lifted over it."""
     found = []
     for i, (row, chain) in enumerate(zip(passes, chains, strict=True)):
         if chain.closed or not row:
             continue
-        for first, end, inwards in ((row[0], 0.0, 1.0), (row[-1], chain.length, -1.0)):
+        for side, (first, end, inwards) in enumerate(((row[0], 0.0, 1.0), (row[-1], chain.length, -1.0))):
+            if is_joined(ends, i, side):
+                continue
             one = crossings[first.crossing]
             beyond = _find_margin(chains, one)
             if not first.over:

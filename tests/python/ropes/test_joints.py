@@ -89,3 +89,51 @@ def test_no_grasp_is_on_a_junction_or_under_another_branch(seed):
         for crossing in model.crossings():
             if grasp.chain == crossing.under[0]:
                 assert abs(grasp.s - crossing.under[1]) > 0.5 * gripper.width
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_pull_moves_a_junction(seed):
+    made, model = make_model("cross", seed)
+    _, loose = make_model("cross", seed, joined=False)
+    degrees = np.bincount(np.reshape(made.edges, -1))
+    plan = model.pull_plan()
+    undone = {id(one) for pull in plan.pulls for one in pull.undoes}
+    assert len(undone) + len(plan.left) == len(model.crossings())
+    for pull in plan.pulls:
+        if pull.move == "end":
+            start, stop = made.edges[pull.chain]
+            # an end that is pulled out is held beyond the crossing
+            from_start = pull.s == 0.0 if pull.lift else pull.s > pull.undoes[0].under[1]
+            assert degrees[start if from_start else stop] == 1
+    assert loose.pull_plan().left == ()
+
+
+def test_a_crossing_between_junctions_is_left():
+    """A bridge over another edge has a junction at both sides: nothing takes it off."""
+    low = np.array([[0.0, -0.1, 0.004], [0.0, 0.1, 0.004]])
+    high = np.array([[-0.1, 0.0, 0.012], [0.1, 0.0, 0.012]])
+    forks = [
+        np.array([high[side], high[side] + [out, up, 0.0]])
+        for side, out in ((0, -0.1), (1, 0.1))
+        for up in (-0.1, 0.1)
+    ]
+    tips = [
+        np.array([low[side], low[side] + [out, 0.1 * (2 * side - 1), 0.0]])
+        for side in (0, 1)
+        for out in (-0.05, 0.05)
+    ]
+    pairs = [(0, 1), (2, 3), (2, 4), (2, 5), (3, 6), (3, 7), (0, 8), (0, 9), (1, 10), (1, 11)]
+    lines = [low, high, *forks, *tips]
+    chains = [strand.Chain(line, 0.004) for line in lines]
+    places = {}
+    for ends, line in zip(pairs, lines, strict=True):
+        for node, place in zip(ends, line, strict=True):
+            places.setdefault(node, place)
+    degrees = np.bincount(np.reshape(pairs, -1))
+    nodes = [HarnessNode(k, places[k], None, int(degrees[k])) for k in range(len(places))]
+    edges = [HarnessEdge(k, *ends, chains[k]) for k, ends in enumerate(pairs)]
+    model = strand.Model(chains, np.empty((0, 4, 4)), harness=Harness(nodes, edges))
+    assert len(model.crossings()) == 1
+    plan = model.pull_plan()
+    assert (len(plan.pulls), len(plan.left)) == (0, 1)
+    assert len(dataclasses.replace(model, harness=None).pull_plan().pulls) > 0
