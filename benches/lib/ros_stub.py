@@ -179,7 +179,7 @@ class Buffer:
 
     def clear(self) -> None:
         """Forget all but static transforms."""
-        self._tree, self._latest = Transforms(0, 1 << 30), 0
+        self._tree, self._latest = Transforms(0, 1 << 30, fill_gaps=True), 0
         for message in self._static:
             self._tree.add(message, True)
 

@@ -11,6 +11,7 @@ from itertools import takewhile
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from strand.support.checks import Array
 
@@ -25,6 +26,9 @@ _MAX_TRANSLATION = 1e9  # metres: the moon is nearer
 _MAX_NORM_ERROR = 0.01  # how far the norm of a quaternion may be from 1
 _MIN_ANGLE = 1e-6  # radians: below it, interpolation of rotations is linear
 _MAX_LISTED = 20  # frames that an error message names
+_GAP = 2 * 10**8  # nanoseconds: shorter times between transforms are no gap
+_GAP_STEPS = 5  # usual times between transforms: shorter times are no gap
+_STILL = 1e-3, 2e-3  # metres, radians: frames that move less from transform to transform stand still
 
 
 @dataclass
@@ -71,6 +75,20 @@ class _Edge:
         start, stop = self.times[after - 1], self.times[after]
         return after - 1, after, (time - start) / (stop - start)
 
+    def find_gaps(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the times before and after which transforms are missing while the frame moved."""
+        times = np.frombuffer(self.times, np.int64)
+        steps = np.diff(times)
+        if not len(steps):
+            return steps, steps
+        before = np.flatnonzero(steps > max(_GAP, _GAP_STEPS * float(np.median(steps))))
+        values = np.frombuffer(self.values).reshape(-1, _NUMBERS)
+        one, other = values[before], values[before + 1]
+        ways = np.linalg.norm(other[:, :3] - one[:, :3], axis=1)
+        turns = 2.0 * np.arccos(np.minimum(np.abs((one[:, 3:] * other[:, 3:]).sum(axis=1)), 1.0))
+        before = before[(ways > _STILL[0]) | (turns > _STILL[1])]
+        return times[before], times[before + 1]
+
 
 class _Path:
     """The transforms from one frame to another: down from their common ancestor, and up to it.
@@ -78,17 +96,29 @@ class _Path:
     Attributes
     ----------
     start, stop : int
-        The pose is known from one of these times to the other, nanoseconds since 1970.
+        The pose is known from one of these times to the other, nanoseconds since 1970, but for gaps.
     """
 
-    def __init__(self, down: Sequence[_Edge], up: Sequence[_Edge], beyond: int) -> None:
+    def __init__(self, down: Sequence[_Edge], up: Sequence[_Edge], beyond: int, fill_gaps: bool) -> None:
         self._edges, self._inverted = (*down, *reversed(up)), len(down)
         for edge in self._edges:
             edge.order()
         moving = [edge for edge in self._edges if not edge.static]
         self.start = max((edge.times[0] - beyond for edge in moving), default=-_EVER)
         self.stop = min((edge.times[-1] + beyond for edge in moving), default=_EVER)
+        gaps = [] if fill_gaps else [edge.find_gaps() for edge in moving]
+        self._gaps = [(starts + beyond, stops - beyond) for starts, stops in gaps if len(starts)]
         self._fixed = None if moving else self._compose(0)
+
+    def has_pose(self, time: int) -> bool:
+        """Tell whether the pose is known at a time."""
+        if not self.start <= time <= self.stop:
+            return False
+        for starts, stops in self._gaps:
+            last = int(np.searchsorted(starts, time)) - 1
+            if last >= 0 and time < stops[last]:
+                return False
+        return True
 
     def find_pose(self, time: int) -> Array:
         """Return the (4, 4) pose at a time."""
@@ -114,12 +144,14 @@ class _Path:
 class Transforms:
     """A tree of static and moving transforms.
 
-    The first and the last transform of a frame hold for `beyond` nanoseconds before and after them. All
-    transforms together take at most `max_bytes` of memory.
+    The first and the last transform of a frame hold for `beyond` nanoseconds before and after them, as do
+    those beside a gap in which the frame moved. With `fill_gaps`, poses are interpolated across gaps, as tf2
+    does. All transforms together take at most `max_bytes` of memory.
     """
 
-    def __init__(self, beyond: int, max_bytes: int) -> None:
+    def __init__(self, beyond: int, max_bytes: int, fill_gaps: bool = False) -> None:
         self._beyond, self._max_bytes, self._size = beyond, max_bytes, 0
+        self._fill_gaps = fill_gaps
         self._edges: dict[str, _Edge] = {}
         self._parents: set[str] = set()
         self._paths: dict[tuple[str, str], _Path] = {}
@@ -163,8 +195,7 @@ class Transforms:
 
     def has_pose(self, world: str, frame: str, time: int) -> bool:
         """Tell whether `find_pose` finds a pose."""
-        path = self._find_path(world, frame)
-        return path.start <= time <= path.stop
+        return self._find_path(world, frame).has_pose(time)
 
     def find_pose(self, world: str, frame: str, time: int) -> Array | None:
         """Return the (4, 4) pose of a frame in the world frame at a time, or None if TF has none then.
@@ -172,7 +203,7 @@ class Transforms:
         ValueError is raised if TF lacks one of the frames, or does not connect them.
         """
         path = self._find_path(world, frame)
-        return path.find_pose(time) if path.start <= time <= path.stop else None
+        return path.find_pose(time) if path.has_pose(time) else None
 
     def _find_path(self, world: str, frame: str) -> _Path:
         """Return the path from the world to a frame."""
@@ -194,7 +225,7 @@ class Transforms:
         if common is None:
             raise ValueError(f"TF does not connect {frame!r} and {world!r}")
         down, up = ([self._edges[name] for name in takewhile(common.__ne__, each)] for each in (above, path))
-        return _Path(down, up, self._beyond)
+        return _Path(down, up, self._beyond, self._fill_gaps)
 
     def _list_ancestors(self, frame: str) -> dict[str, None]:
         """Return the frame, its parent, and so on up to the root, as keys."""

@@ -53,6 +53,22 @@ def test_interpolation_is_linear_in_place_and_angle(part, turns):
     np.testing.assert_allclose(found[:3, :3], between(part).as_matrix(), atol=1e-6)
 
 
+@pytest.mark.parametrize(("shift", "turn"), [(0.05, 0.0), (0.0, 0.02), (0.0, 0.0)])
+def test_a_gap_in_which_a_frame_moved_has_no_pose(shift, turn):
+    step = 33_000_000  # nanoseconds
+    found, filled = Transforms(step, 1 << 20), Transforms(step, 1 << 20, fill_gaps=True)
+    for k in [*range(10), *range(30, 40), 44]:
+        moved = pose_from_angles(turn * (k >= 30), 0.0, 0.0, [shift * (k >= 30), 0.0, 0.0])
+        for tree in (found, filled):
+            tree.add(MADE.tf([("w", "c", moved)], k * step), False)
+            tree.add(MADE.tf([("c", "lens", A)], 0), True)
+    known = [k for k in range(45) if found.find_pose("w", "lens", k * step) is not None]
+    lost = range(11, 29) if shift or turn else ()  # a transform holds for a step beyond its time
+    assert known == [k for k in range(45) if k not in lost]
+    assert known == [k for k in range(45) if found.has_pose("w", "lens", k * step)]
+    assert all(filled.has_pose("w", "lens", k * step) for k in range(45))
+
+
 def test_moving_transforms_are_known_at_their_times_only():
     at = [MADE.tf([("w", "c", pose)], time) for pose, time in ((A, 3000), (B, 1000), (C, 2000))]
     found = make_tree(*at, static=False, beyond=100)
