@@ -9,16 +9,32 @@ use crate::index::hierarchy::Hierarchy;
 use crate::parallel;
 
 const POINTS_PER_TASK: usize = 1024; // points that one task works on
+const FEW: usize = 16; // points: for so few, an index of the others costs more than it saves
 
 /// Returns the number of the nearest of `others` to each point, the first among equals; None if there are none.
 pub(crate) fn nearest(points: &[Point], others: &[Point]) -> Result<Vec<Option<usize>>> {
     check_finite("points", points)?;
     check_finite("others", others)?;
+    if points.len() <= FEW {
+        return Ok(points.iter().map(|&p| find_nearest(p, others)).collect());
+    }
     Ok(parallel::run(|| {
         let boxes = Hierarchy::new(others.iter().copied());
         let nearest = |&p: &Point| boxes.nearest(p, f64::INFINITY);
         points.par_iter().with_min_len(POINTS_PER_TASK).map(nearest).collect()
     }))
+}
+
+/// Returns the number of the nearest of `others` to a point by comparing all, the first among equals.
+fn find_nearest(point: Point, others: &[Point]) -> Option<usize> {
+    let mut found = (f64::INFINITY, None);
+    for (number, &other) in others.iter().enumerate() {
+        let distance = squared_distance(point, other);
+        if distance < found.0 || found.1.is_none() {
+            found = (distance, Some(number));
+        }
+    }
+    found.1
 }
 
 /// Returns the squared distance of each point to the nearest of `others`, m²; infinity if there are none.
@@ -48,6 +64,10 @@ mod tests {
             [Some(0), Some(0), Some(1)]
         );
         assert_eq!(nearest(&points[..1], &[]).unwrap(), [None]);
+        // with an index as without
+        let many: Vec<Point> = (0..3 * FEW).map(|i| [0.9 * i as f64, (i * i % 7) as f64, 0.0]).collect();
+        let each: Vec<_> = many.iter().map(|&p| find_nearest(p, &others)).collect();
+        assert_eq!(nearest(&many, &others).unwrap(), each);
         assert_eq!(squared_distances(&points[..1], &[]).unwrap(), [f64::INFINITY]);
         assert!(squared_distances(&[[f64::NAN; 3]], &others).is_err());
         assert!(squared_distances(&points, &[[f64::NAN; 3]]).is_err());
