@@ -41,7 +41,7 @@ WAYS = {
     "reconstruct, masks": {"mode": "reconstruct", "use_mask": True, "use_color": False},
 }
 GAPS = (0.0, 0.1, 0.3, 1.0)  # s without TF
-DROPPED = ("tf", "queue", "late", "color", "mask", "skipped", "wrong image")
+DROPPED = ("tf", "bad tf", "queue", "late", "color", "mask", "skipped", "wrong image")
 RIGHT = 5.0  # radii: a rope that is nearer everywhere is right
 
 

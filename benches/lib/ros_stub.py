@@ -120,8 +120,12 @@ def make_modules(bus: Bus) -> dict[str, ModuleType]:
 
     class Listener:
         def __init__(self, buffer: Buffer, node: Node) -> None:
-            bus.subscribed["/tf"].append(lambda message: buffer.take(message, False))
-            bus.subscribed["/tf_static"].append(lambda message: buffer.take(message, True))
+            for topic, take in (("/tf", buffer.set_transform), ("/tf_static", buffer.set_transform_static)):
+                bus.subscribed[topic].append(lambda message, take=take: give(message, take))
+
+    def give(message: Any, take: Callable[[Any, str], None]) -> None:
+        for transform in message.transforms:
+            take(transform, "default_authority")
 
     def set_message_fields(message: Any, values: dict[str, Any]) -> None:
         message.__dict__.update(fill_message(message.__msgtype__, values).__dict__)
@@ -141,7 +145,7 @@ def make_modules(bus: Bus) -> dict[str, ModuleType]:
         },
         "std_srvs.srv": {"Trigger": None},
         "tf2_ros": {
-            "Buffer": lambda node: Buffer(),
+            "Buffer": Buffer,
             "TransformException": TransformError,
             "TransformListener": Listener,
         },
@@ -173,7 +177,7 @@ class TransformError(Exception):
 class Buffer:
     """TF's buffer: it interpolates, never extrapolates, and refuses what is older than its cache."""
 
-    def __init__(self) -> None:
+    def __init__(self, node: Any) -> None:
         self._static: list[Any] = []
         self.clear()
 
@@ -183,16 +187,18 @@ class Buffer:
         for message in self._static:
             self._tree.add(message, True)
 
-    def take(self, message: Any, static: bool) -> None:
-        """Add transforms."""
-        if static:
-            self._static.append(message)
-            self._tree.add(message, True)
-            return
-        latest = max((_count(one.header.stamp) for one in message.transforms), default=self._latest)
-        self._latest = max(self._latest, latest)
-        if latest > self._latest - CACHE:
-            self._tree.add(message, False)
+    def set_transform(self, transform: Any, authority: str) -> None:
+        """Add a transform."""
+        time = _count(transform.header.stamp)
+        self._latest = max(self._latest, time)
+        if time > self._latest - CACHE:
+            self._tree.add(SimpleNamespace(transforms=[transform]), False)
+
+    def set_transform_static(self, transform: Any, authority: str) -> None:
+        """Add a transform that holds at all times."""
+        message = SimpleNamespace(transforms=[transform])
+        self._static.append(message)
+        self._tree.add(message, True)
 
     def lookup_transform(self, world: str, frame: str, time: int) -> Any:
         """Return a TransformStamped, or raise TransformError."""

@@ -27,6 +27,7 @@ from strand_ros.following import Follower, WrongImageError
 from strand_ros.health import Health
 from strand_ros.messages import Message, make_header
 from strand_ros.parameters import PARAMETERS, Parameter, read_settings
+from strand_ros.tf_gaps import TransformGaps
 from strand_ros.waiting import Dropped, Frame, WaitingRoom, read_stamp
 
 _POLL = 0.02  # s between two looks whether TF has come
@@ -34,6 +35,26 @@ _REPORT = 1.0  # s between diagnostics
 _QUIET = 5.0  # s between log lines about trouble
 _KEPT = 10  # messages that publishers keep
 _THREADS = 2  # one computes while the other takes TF
+
+
+class _GapBuffer(Buffer):
+    """TF's buffer, which also notes gaps of TF."""
+
+    def __init__(self, node: Node) -> None:
+        self.gaps = TransformGaps()
+        super().__init__(node=node)
+
+    def set_transform(self, transform: Any, authority: str) -> None:
+        self.gaps.add(transform, static=False)
+        super().set_transform(transform, authority)
+
+    def set_transform_static(self, transform: Any, authority: str) -> None:
+        self.gaps.add(transform, static=True)
+        super().set_transform_static(transform, authority)
+
+    def clear(self) -> None:
+        self.gaps.clear()
+        super().clear()
 
 
 class RopeNode(Node):
@@ -52,7 +73,7 @@ class RopeNode(Node):
             find_pose,
             newest=self._settings.mode == "reconstruct",
         )
-        self._buffer = Buffer(node=self)
+        self._buffer = _GapBuffer(self)
         self._listener = TransformListener(self._buffer, self)
         self._ropes = self.create_publisher(Ropes, "ropes", _KEPT)
         self._points = self.create_publisher(PointCloud2, "points", _KEPT)
@@ -76,10 +97,15 @@ class RopeNode(Node):
         return self.declare_parameter(one.name, one.default, descriptor).value
 
     def _find_pose(self, frame_id: str, stamp: Any) -> NDArray[Any]:
+        world = self._settings.world_frame
         try:
-            found = self._buffer.lookup_transform(self._settings.world_frame, frame_id, Time.from_msg(stamp))
+            found = self._buffer.lookup_transform(world, frame_id, Time.from_msg(stamp))
         except TransformException as error:
             raise LookupError(str(error)) from error
+        gap = self._buffer.gaps.find(world, frame_id, stamp.sec * SECOND + stamp.nanosec)
+        if gap is not None:
+            moved, length = gap
+            raise ValueError(f"TF has a gap of {length:.2f} s, in which {moved!r} moved")
         return strand.msgs.read_pose(found)
 
     def _take_image(self, name: str, message: Any) -> None:

@@ -150,6 +150,31 @@ def test_a_gap_in_tf_costs_its_frames_alone(carried, radius, entries):
     assert measure(bus.sent["ropes"][-1].ropes[0], carried[-1]) < 5 * radius
 
 
+@pytest.mark.parametrize("shift", [0.0, 0.05])
+def test_frames_in_a_short_gap_of_tf_in_which_the_camera_moved_are_dropped(shift, carried, radius, entries):
+    times = sorted({time for _, time, _ in entries})
+    first, after = 4, 10  # of the frames without TF, and behind them
+    assert times[after] - times[first - 1] > 0.22 * SECOND
+    moved = np.eye(4)
+    moved[0, 3] = shift
+    tables = [
+        ("/tf", time, MADE.tf([("base", "world", moved if i >= after else np.eye(4))], time))
+        for i, time in enumerate(times)
+        if not first <= i < after
+    ]
+    camera = ("/tf_static", times[0] - 1, MADE.tf([("world", "camera", carried[0].poses[0])], times[0]))
+    played = sorted([camera, *tables, *change(entries, "/tf")], key=lambda entry: entry[1])
+    with run_node(world_frame="base", radius=radius, **MASKED) as (bus, _):
+        bus.play(played)
+        _, values = report(bus)
+    lost = after - first if shift else 0
+    assert int(values.get("bad tf", 0)) == lost
+    assert int(values["answers"]) == len(times) - lost
+    said = [text for text in bus.said if text.startswith("bad tf")]
+    assert len(said) == lost
+    assert all("TF has a gap of 0.2" in text and "in which 'world' moved" in text for text in said)
+
+
 def restamp(message, later):
     """Return a message whose stamps are later, ns."""
 

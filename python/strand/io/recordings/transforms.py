@@ -26,7 +26,7 @@ _MAX_TRANSLATION = 1e9  # metres: the moon is nearer
 _MAX_NORM_ERROR = 0.01  # how far the norm of a quaternion may be from 1
 _MIN_ANGLE = 1e-6  # radians: below it, interpolation of rotations is linear
 _MAX_LISTED = 20  # frames that an error message names
-_GAP = 2 * 10**8  # nanoseconds: shorter times between transforms are no gap
+GAP = 2 * 10**8  # nanoseconds: shorter times between transforms are no gap
 _GAP_STEPS = 5  # usual times between transforms: shorter times are no gap
 _STILL = 1e-3, 2e-3  # metres, radians: frames that move less from transform to transform stand still
 
@@ -75,20 +75,6 @@ class _Edge:
         start, stop = self.times[after - 1], self.times[after]
         return after - 1, after, (time - start) / (stop - start)
 
-    def find_gaps(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the times before and after which transforms are missing while the frame moved."""
-        times = np.frombuffer(self.times, np.int64)
-        steps = np.diff(times)
-        if not len(steps):
-            return steps, steps
-        before = np.flatnonzero(steps > max(_GAP, _GAP_STEPS * float(np.median(steps))))
-        values = np.frombuffer(self.values).reshape(-1, _NUMBERS)
-        one, other = values[before], values[before + 1]
-        ways = np.linalg.norm(other[:, :3] - one[:, :3], axis=1)
-        turns = 2.0 * np.arccos(np.minimum(np.abs((one[:, 3:] * other[:, 3:]).sum(axis=1)), 1.0))
-        before = before[(ways > _STILL[0]) | (turns > _STILL[1])]
-        return times[before], times[before + 1]
-
 
 class _Path:
     """The transforms from one frame to another: down from their common ancestor, and up to it.
@@ -106,7 +92,7 @@ class _Path:
         moving = [edge for edge in self._edges if not edge.static]
         self.start = max((edge.times[0] - beyond for edge in moving), default=-_EVER)
         self.stop = min((edge.times[-1] + beyond for edge in moving), default=_EVER)
-        gaps = [] if fill_gaps else [edge.find_gaps() for edge in moving]
+        gaps = [] if fill_gaps else [find_gaps(edge.times, edge.values) for edge in moving]
         self._gaps = [(starts + beyond, stops - beyond) for starts, stops in gaps if len(starts)]
         self._fixed = None if moving else self._compose(0)
 
@@ -260,6 +246,24 @@ def read_motion(name: str, translation: Any, rotation: Any) -> list[float]:
 def read_stamp(header: Any) -> int:
     """Return the time of a message's header, nanoseconds since 1970."""
     return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
+
+
+def find_gaps(times: array[int], values: array[float]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the times before and after which transforms are missing while the frame moved.
+
+    `times` are in order, nanoseconds. `values` are the seven numbers of `read_motion` for each of them.
+    """
+    at = np.frombuffer(times, np.int64)
+    steps = np.diff(at)
+    if not len(steps):
+        return steps, steps
+    before = np.flatnonzero(steps > max(GAP, _GAP_STEPS * float(np.median(steps))))
+    motions = np.frombuffer(values).reshape(-1, _NUMBERS)
+    one, other = motions[before], motions[before + 1]
+    ways = np.linalg.norm(other[:, :3] - one[:, :3], axis=1)
+    turns = 2.0 * np.arccos(np.minimum(np.abs((one[:, 3:] * other[:, 3:]).sum(axis=1)), 1.0))
+    before = before[(ways > _STILL[0]) | (turns > _STILL[1])]
+    return at[before], at[before + 1]
 
 
 def _interpolate(one: Array, other: Array, parts: Array) -> Array:
