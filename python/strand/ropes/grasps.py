@@ -27,6 +27,7 @@ _MAX_STEPS = 200_000  # of all ropes; longer steps beyond
 _RETURN = 0.5  # radii that a rope runs back before it counts as another leg
 _MAX_BEND_OVERLAP = 0.05  # radii that a bend may enter the fingers' clearance
 _PLACE_SDS = 2.0  # standard deviations of the rope's place, and of its end's, that the fingers allow for
+_MAX_SIDE = 1.0  # metres: no gripper has longer fingers or opens wider
 _STEEP_ANGLE = np.radians(45.0)  # radians: a rope this near to the approach cannot be held
 
 REASONS = {
@@ -65,7 +66,7 @@ class Gripper:
     TypeError
         If a value is not a number.
     ValueError
-        If a length is not positive, or `clearance` is negative.
+        If a length is not positive, `clearance` is negative, or one is over 1 m, as millimetres are.
     """
 
     opening: float
@@ -78,6 +79,9 @@ class Gripper:
         for name in ("opening", "width", "thickness", "depth"):
             object.__setattr__(self, name, check_positive(name, getattr(self, name)))
         object.__setattr__(self, "clearance", check_nonnegative("clearance", self.clearance))
+        for name, value in vars(self).items():
+            if value > _MAX_SIDE:
+                raise ValueError(f"{name}: expected at most {_MAX_SIDE:g} m, got {value:g}; is it in metres?")
 
 
 @dataclass(frozen=True, eq=False)

@@ -211,6 +211,14 @@ def test_where_a_ring_starts_has_no_say_in_the_score(turn):
     assert max(sides[0]) == pytest.approx(max(sides[1]), abs=0.01)
 
 
+@pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(Gripper)])
+def test_grippers_in_millimetres_are_refused(name):
+    given = dataclasses.asdict(GRIPPER)
+    with pytest.raises(ValueError, match=f"^{name}: expected at most 1 m, got 40; is it in metres"):
+        Gripper(**given | {name: 40})
+    assert getattr(Gripper(**given | {name: 1.0}), name) == 1.0
+
+
 def test_grippers_and_tables_that_make_no_sense_are_refused():
     with pytest.raises(ValueError, match="opening: expected"):
         dataclasses.replace(GRIPPER, opening=0.0)
