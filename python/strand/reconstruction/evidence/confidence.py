@@ -21,6 +21,7 @@ _GRAVE = 5.0  # a doubt this grave concerns all chains: the input is wrong
 _BASE_DOUBT = 0.01  # doubt of every answer
 _JOIN_DOUBT = 0.5  # doubt of a join without any margin
 _LENGTH_DOUBT = 0.4  # doubt per radius that a length is wrong beyond what is allowed
+_OTHER_UNIT = 100.0  # a known length over the found one: in millimetres it is a thousand times too long
 _OPEN_RING_DOUBT = math.log(2.0)  # doubt of each open rope that should be a ring
 
 
@@ -121,11 +122,12 @@ def find_contradictions(
         off = prior.measure_excess(chain.length, true, chain.radius)
         if true is not None and off > 0:
             more = chain.length - true
+            ask = f"; is length={true:g} in metres?" if true > _OTHER_UNIT * chain.length else ""
             contradict(
                 "length",
                 _LENGTH_DOUBT * off,
                 f"chain {number} is {chain.length * 1e3:.0f} mm long, {abs(more) * 1e3:.0f} mm "
-                f"{'longer' if more > 0 else 'shorter'} than it is known to be",
+                f"{'longer' if more > 0 else 'shorter'} than it is known to be{ask}",
                 about=(number,),
             )
         if all_rings and not chain.closed:

@@ -89,6 +89,16 @@ def test_a_right_length_changes_nothing_and_a_wrong_one_is_warned_about(publishe
     assert not model.confidence > 0.7
 
 
+@pytest.mark.parametrize("times", [1.0, 40.0, 1000.0])
+def test_lengths_in_millimetres_are_asked_about(times):
+    scene = strand.synthetic.scene("arc", seed=3, views=1)
+    true = times * round(measure_length(scene.truth[0]), 3)
+    model = strand.reconstruct(scene.views, R, scene.bounds, length=true)
+    said = [str(warning) for warning in find_warnings(model, "length")]
+    assert len(said) == (times > 1)
+    assert [f"; is length={true:g} in metres?" in text for text in said] == [times > 100] * len(said)
+
+
 @pytest.mark.parametrize("half", [0.03, 0.045])
 def test_lengths_decide_which_segments_belong_together(half):
     """Two ropes that cross under a plate: straight on, one would be much longer than the other."""
