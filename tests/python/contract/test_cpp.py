@@ -72,9 +72,46 @@ def test_short_and_missing_files_are_named_and_the_next_is_asked(program, tmp_pa
     assert missing == f"no answer: nowhere.raw: {wanted} no file"
 
 
-def test_requests_that_are_cut_off_end_the_process(tmp_path):
-    server = [sys.executable, FOLDER / "serve_ropes.py", "0.004"]
-    for request in (b"4 4 1 1 1 1 1\n12", b"100000 100000 1 1 1 1 1\n", b"-1 4 1 1 1 1 1\n"):
-        done = subprocess.run(server, input=request, capture_output=True, timeout=60)
-        assert (done.returncode, done.stdout) == (1, b"")
-        assert re.match(rb"expected at most|the input ends within", done.stderr)
+def serve(request, *words):
+    """Return the status, the answers and the standard error of the server."""
+    server = [sys.executable, FOLDER / "serve_ropes.py", *words]
+    done = subprocess.run(server, input=request, capture_output=True, timeout=60)
+    return done.returncode, done.stdout.decode().splitlines(), done.stderr
+
+
+@pytest.mark.parametrize(
+    ("request_", "reason"),
+    [
+        (b"4 4 1 1 1 1 1\n12", "expected 32 bytes of pixels, the input ends after 2"),
+        (b"100000 100000 1 1 1 1 1\n", "expected 1 to 100000000 pixels, got 100000 x 100000"),
+        (b"-1 4 1 1 1 1 1\n", "expected 1 to 100000000 pixels, got -1 x 4"),
+        (b"-1 -4 1 1 1 1 1\n" + bytes(8), "expected 1 to 100000000 pixels, got -1 x -4"),
+        (b"\n", r"expected a line .+, got b'\\n'"),
+        (b"4 4 1 1 1 1\n" + bytes(32), "expected a line .+, got b'4 4 1 1 1 1.+'"),
+        (b"4 4 1 1 1 1 1 1\n" + bytes(32), "expected a line .+"),
+        (b"4 4 a 1 1 1 1\n" + bytes(32), "expected a line .+"),
+        (b"\xff\xfe\n" + bytes(32), "expected a line .+"),
+        (b"4 4 1 1 1 1 1", "expected a line .+"),
+        (b"1" * 100_000, "expected a line .+"),
+    ],
+)
+def test_requests_after_which_none_is_found_end_the_server(request_, reason):
+    status, answers, said = serve(request_, "0.004")
+    assert (status, said) == (1, b"")
+    (answer,) = answers
+    assert re.fullmatch(f"error request: {reason}", answer)
+
+
+@pytest.mark.parametrize("words", [["thin"], ["nan"], ["-1"], [], ["1", "2"]])
+def test_a_wrong_radius_ends_the_server(words):
+    status, answers, said = serve(b"4 4 1 1 1 1 1\n" + bytes(32), *words)
+    assert (status, said) == (1, b"")
+    assert answers == [f"error RADIUS: expected a positive number of metres, got {' '.join(words)!r}"]
+
+
+def test_wrong_values_of_a_request_are_named_and_the_next_is_read():
+    wrong = [b"4 4 0 1 1 1 1\n", b"4 4 1 1 nan 1 1\n", b"4 4 1 1 1 1 -1\n", b"4 4 1 1 1 1 1\n"]
+    status, answers, said = serve(b"".join(line + bytes(32) for line in wrong), "0.004")
+    assert (status, said) == (0, b"")
+    for answer, name in zip(answers, ("intrinsics", "intrinsics", "depth_scale", "views"), strict=True):
+        assert answer.startswith(f"error {name}: ")
