@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -17,13 +18,22 @@ from strand.ropes.harness import Harness, HarnessEdge, HarnessNode
 from strand.ropes.model import FORMAT, VERSION, Model
 from strand.ropes.seen_side import USUAL_UP, check_table, check_up
 from strand.support.checks import check_integer, check_number, check_sequence, check_stamp, describe_value
-from strand.support.files import JSON_BYTES, FileFormatError, decode_json, open_file, parse_json, read_json
+from strand.support.files import (
+    JSON_BYTES,
+    FileFormatError,
+    decode_json,
+    open_file,
+    parse_json,
+    read_head,
+    read_json,
+)
 from strand.views.sensor import Sensor
 
 REQUIRED = (  # keys that a model file must have
     *("chains", "poses", "timings", "warnings", "pose_sd", "confidence", "joins", "doubts", "alternatives"),
     *("method", "branch"),
 )
+_FRAME_START = re.compile(rb'\s*\{\s*"frame"\s*:')  # of a line for `load_frames`
 
 
 def load_model(path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> Model:
@@ -51,7 +61,10 @@ def load_model(path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> 
         If the file is truncated, is not a model, or may take more than 2 x `max_bytes`. `place` names the
         key, such as `chains[0]`, and `reason` says what is wrong there.
     """
-    return _parse_model(path, read_json(path, check_integer("max_bytes", max_bytes, 1)))
+    most = check_integer("max_bytes", max_bytes, 1)
+    if _FRAME_START.match(read_head(path)):
+        raise FileFormatError(path, f"not a {FORMAT}, but models of frames: use strand.io.models.load_frames")
+    return _parse_model(path, read_json(path, most))
 
 
 def load_frames(path: str | os.PathLike[str]) -> Iterator[tuple[int, int, Model | None]]:

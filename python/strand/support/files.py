@@ -29,6 +29,8 @@ _TEXT = 2  # bytes of a byte of JSON, in the text and in a value
 # memory of JSON's values by their marks, bytes: a list, an object, an entry, a key, and half of a text
 _MARKS = {b"[": 80, b"{": 250, b",": 44, b":": 64, b'"': 32}
 _WIDE = 8  # more bytes of it if a letter is beyond ASCII: the letters around it take as many as that one
+_HEAD = 64  # bytes of a file that tell whether it may be JSON
+_JSON_START = re.compile(rb'(\xef\xbb\xbf)?[ \t\r\n]*(["{[\d-]|true|false|null|NaN|Infinity|\Z)')
 _PIECE = 4096  # entries of a list that are written at once
 _MAX_REASON = 400  # longest reason in an error, characters: reasons may quote the file
 # a key of more than 32 parts: tomllib's time and memory grow with the square of the number of parts
@@ -256,7 +258,20 @@ def _dump(value: Any) -> str:
 
 def read_json(path: str | os.PathLike[str], max_bytes: int = JSON_BYTES) -> Any:
     """Return the value of a JSON file, in at most 2 x `max_bytes` of memory."""
+    _require_json(path, read_head(path))
     return parse_json(path, decode_json(path, read_bytes(path, max_bytes), max_bytes))
+
+
+def read_head(path: str | os.PathLike[str]) -> bytes:
+    """Return the first bytes of a regular file."""
+    with open_file(path) as file:
+        return file.read(_HEAD)
+
+
+def _require_json(path: str | os.PathLike[str], head: bytes, place: str | None = None) -> None:
+    """Refuse what begins like no JSON, before its size and memory are looked at."""
+    if not _JSON_START.match(head):
+        raise FileFormatError(path, f"truncated, or not JSON (it begins with {head[:8]!r})", place)
 
 
 def decode_json(
@@ -266,6 +281,7 @@ def decode_json(
 
     `path` is the file of the text, and `place` its place there. The caller drops the bytes before parsing.
     """
+    _require_json(path, data[:_HEAD], place)
     size = _sum_memory(len(data), _weigh_marks(data), _is_wide(data))
     if size > 2 * max_bytes:
         reason = f"text and values may take {size} bytes of memory, more than 2 x max_bytes={max_bytes}"

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 import strand
 from shared.ropes import draw_circle, make_zigzags
 from strand import Chain, Model
+from strand.io.models import load_frames
 from strand.ropes.crossings import NOT_LISTED
 from strand.ropes.doubt import ModelWarning
 from strand.support.files import JSON_BYTES
@@ -198,3 +199,34 @@ def test_numbers_of_numpy_are_saved_and_methods_are_known(tmp_path):
     assert (loaded.confidence, loaded.timings) == (0.5, {"fit": 0.5})
     with pytest.raises(ValueError, match="method: expected one of default, published, got 'magic'"):
         strand.Model((), np.eye(4)[None], method="magic")
+
+
+@pytest.mark.parametrize("head", [b"\x89MCAP0\r\n", b"PK\x03\x04", b"ply\nformat ascii 1.0\n", b"\xff\xfe{"])
+def test_files_of_other_formats_are_no_json_whatever_their_size(head, tmp_path):
+    path = tmp_path / "rope.mcap"
+    path.write_bytes(head + b'\xff,"[{' * 1000)  # which would take much memory as JSON
+    for most in (10, 10_000, JSON_BYTES):
+        with pytest.raises(strand.FileFormatError, match=r"not JSON \(it begins with") as caught:
+            strand.load_model(path, max_bytes=most)
+        assert caught.value.reason.endswith(f"{head[:8]!r})" if len(head) >= 8 else ")")
+
+
+@pytest.mark.parametrize("head", [b"", b"\xef\xbb\xbf", b"\n\t " * 50])
+def test_models_may_begin_with_a_mark_or_spaces(head, tmp_path):
+    path = tmp_path / "model.json"
+    make_zigzags(2).save(path)
+    path.write_bytes(head + path.read_bytes())
+    assert len(strand.load_model(path).chains) == 2
+
+
+@pytest.mark.parametrize("frames", [1, 3])
+@pytest.mark.parametrize("failed", [False, True])
+def test_lines_of_frames_are_referred_to_their_reader(frames, failed, tmp_path):
+    path, saved = tmp_path / "models.jsonl", tmp_path / "model.json"
+    make_zigzags(2).save(saved)
+    one = {"error": "none"} if failed else {"model": json.loads(saved.read_text())}
+    path.write_text("".join(json.dumps({"frame": k, "stamp": k} | one) + "\n" for k in range(frames)))
+    assert len(list(load_frames(path))) == frames
+    for most in (10, JSON_BYTES):
+        with pytest.raises(strand.FileFormatError, match=r"strand\.io\.models\.load_frames"):
+            strand.load_model(path, max_bytes=most)
