@@ -46,6 +46,8 @@ class _Edge:
         Translation (metres) and unit quaternion x, y, z, w of each transform.
     ordered : bool
         Whether the times are in order.
+    gaps : pair of arrays, or None
+        The answer of `find_gaps`, if it is known.
     """
 
     parent: str
@@ -53,6 +55,7 @@ class _Edge:
     times: array[int] = field(default_factory=lambda: array("q"))
     values: array[float] = field(default_factory=lambda: array("d"))
     ordered: bool = True
+    gaps: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
 
     def order(self) -> None:
         """Put the transforms in the order of time."""
@@ -62,6 +65,12 @@ class _Edge:
             self.times = array("q", times[order].tobytes())
             self.values = array("d", np.array(self.values).reshape(-1, _NUMBERS)[order].tobytes())
             self.ordered = True
+
+    def list_gaps(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the gaps between the transforms, which are in order."""
+        if self.gaps is None:
+            self.gaps = find_gaps(self.times, self.values)
+        return self.gaps
 
     def find(self, time: int) -> tuple[int, int, float]:
         """Return the transforms before and after a time, and the part of the way from one to the other."""
@@ -92,7 +101,7 @@ class _Path:
         moving = [edge for edge in self._edges if not edge.static]
         self.start = max((edge.times[0] - beyond for edge in moving), default=-_EVER)
         self.stop = min((edge.times[-1] + beyond for edge in moving), default=_EVER)
-        gaps = [] if fill_gaps else [find_gaps(edge.times, edge.values) for edge in moving]
+        gaps = [] if fill_gaps else [edge.list_gaps() for edge in moving]
         self._gaps = [(starts + beyond, stops - beyond) for starts, stops in gaps if len(starts)]
         self._fixed = None if moving else self._compose(0)
 
@@ -173,6 +182,7 @@ class Transforms:
             edge.ordered &= not edge.times or edge.times[-1] <= time
             edge.times.append(time)
             edge.values.extend(motion)
+            edge.gaps = None
 
     def _take(self, size: int) -> None:
         self._size += size
