@@ -85,8 +85,8 @@ def write_mcap(
     TypeError
         If an argument is of the wrong kind.
     ValueError
-        If the name does not end with `.mcap`, `lifetime` is negative, or a stamp is before 1970. A single
-        model needs no stamp: its time is 0. Each of several needs one.
+        If the name does not end with `.mcap`, `lifetime` is negative, or a stamp is before 1970 or before
+        that of the model before. A single model needs no stamp: its time is 0. Each of several needs one.
     OSError
         If the file cannot be written.
     """
@@ -103,7 +103,7 @@ def write_mcap(
         check_instance("gripper", gripper, Gripper)
     lasting = _split(min(check_nonnegative("lifetime", lifetime), _LATEST))
     before: list[str] = []
-    unstamped = False
+    unstamped, last = False, 0.0
     with replace_file(place) as file:
         channel = Channel(topic, _KIND, json.dumps(_make_schema()).encode())
         written = McapFile(file, [channel], f"strand {__version__}")
@@ -116,6 +116,12 @@ def write_mcap(
             at = 0.0 if model.stamp is None else model.stamp
             if not 0.0 <= at < _LATEST:
                 raise ValueError(f"models[{number}].stamp: expected seconds from 0 to {_LATEST}, got {at:g}")
+            if at < last:
+                raise ValueError(
+                    f"models[{number}].stamp: expected models in the order of their stamps, got one "
+                    f"{last - at:g} s before that of models[{number - 1}]"
+                )
+            last = at
             entities = [*_draw_ropes(model), *_draw_plans(model, pulls, gripper)]
             update = _make_update(entities, at, frame, lasting, before)
             before = [entity["id"] for entity in entities]

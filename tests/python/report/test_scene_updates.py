@@ -206,6 +206,11 @@ def test_one_model_needs_no_time_and_no_model_is_an_empty_file(tmp_path):
     assert read_own(tmp_path / "a.mcap") == []
 
 
+def test_models_of_one_stamp_are_written(tmp_path):
+    write_mcap([MODELS[0], MODELS[0]], tmp_path / "a.mcap")
+    assert len(read_own(tmp_path / "a.mcap")) == 2
+
+
 @pytest.mark.parametrize(
     ("models", "error", "reason"),
     [
@@ -217,6 +222,11 @@ def test_one_model_needs_no_time_and_no_model_is_an_empty_file(tmp_path):
             [strand.Model((), np.empty((0, 4, 4)), stamp=-1.0)],
             ValueError,
             r"models\[0\].stamp: expected seconds",
+        ),
+        (
+            MODELS[::-1],
+            ValueError,
+            r"models\[1\].stamp: .+ in the order of their stamps, got one 0.5 s before",
         ),
     ],
 )
