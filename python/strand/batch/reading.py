@@ -25,7 +25,7 @@ from strand.ropes.seen_side import USUAL_UP
 from strand.support.checks import check_integer, check_path, check_sequence, check_text
 from strand.support.extras import import_extra
 from strand.support.files import FileFormatError, decode_json, open_file, parse_json
-from strand.support.pages import measure_footer, measure_pages
+from strand.support.pages import check_seal, measure_footer, measure_pages
 from strand.tracking.track import TrackedRope
 
 # kinds of warning that always name chains; a warning of another kind in all rows may be about none
@@ -134,8 +134,10 @@ def iterate_shards(
         path = folder / name
         try:
             with open_file(path) as opened:
-                length, memory = measure_footer(opened, os.fstat(opened.fileno()).st_size)
+                size = os.fstat(opened.fileno()).st_size
+                length, memory = measure_footer(opened, size)
                 _require_memory(path, memory, left, max_bytes)
+                check_seal(opened, size, length)
                 file = pq.ParquetFile(
                     opened, page_checksum_verification=True, thrift_container_size_limit=max(length, 1)
                 )

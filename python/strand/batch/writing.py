@@ -13,6 +13,7 @@ from strand.batch.table import SCHEMA_VERSION, Row, make_record_batch, make_sche
 from strand.support.checks import check_instance, check_path, check_text
 from strand.support.extras import import_extra
 from strand.support.files import replace_file
+from strand.support.pages import seal_footer
 from strand.tracking.track import Track
 
 VERSION_KEY = "strand.schema"
@@ -42,6 +43,7 @@ def write_rows(
     ----------
     rows : iterable of Row
     file : binary file
+        Open for reading too.
     configuration : str
         Digest of the settings.
     digest : str, optional
@@ -64,6 +66,7 @@ def write_rows(
         parquet.add_key_value_metadata({VERSION_KEY: f"{SCHEMA_VERSION}", "strand.input": digest or ""})
     finally:  # also of an incomplete file, which the writer would end after the file is closed
         parquet.close()
+    seal_footer(file)
     return written, errors
 
 

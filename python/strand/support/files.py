@@ -164,7 +164,7 @@ def write_bytes(path: str | os.PathLike[str], data: bytes, links: bool = False) 
 
 @contextlib.contextmanager
 def replace_file(path: str | os.PathLike[str], links: bool = False) -> Iterator[BinaryIO]:
-    """Open a binary file that replaces an existing one only when it is complete.
+    """Open a binary file, for reading too, that replaces an existing one only when it is complete.
 
     The bytes go to a temporary file in the same folder, which is renamed at the end. If anything fails, the
     existing file stays as it was. The new file gets its mode, and its owner, group and extended attributes
@@ -175,7 +175,7 @@ def replace_file(path: str | os.PathLike[str], links: bool = False) -> Iterator[
     temporary = target.with_name(f".strand-{os.urandom(8).hex()}.tmp")
     opener = _open_private if target.exists() else None
     try:
-        with open(temporary, "xb", opener=opener) as file:
+        with open(temporary, "x+b", opener=opener) as file:
             yield file
             file.flush()
             copy_rights(target, file.fileno())

@@ -1,13 +1,20 @@
-"""The memory of a Parquet file by the headers of its pages, which may declare anything."""
+"""Parquet files: the memory of one by the headers of its pages, which may declare anything, and its seal.
+
+Pages have checksums, but the footer has none, and pyarrow ends the process at some damaged footers. A seal of
+eight bytes before the footer has its checksum. Other readers skip it.
+"""
 
 from __future__ import annotations
 
 import os
+import zlib
 from typing import Any, BinaryIO
 
 from strand.support.files import read_at
 
 _MARK = b"PAR1"
+_END = 8  # bytes after the footer: its length and the mark
+_SEAL = b"SEAL"  # before the checksum of the footer
 _FOOTER = 2048  # bytes that a byte of the footer may take
 _PAGE = 1 << 16  # bytes counted for a page; this bounds the time for their headers
 _VALUE = 24  # bytes that levels, offsets and a value take
@@ -33,6 +40,26 @@ def measure_footer(file: BinaryIO, size: int) -> tuple[int, int]:
     if length > size - 12:
         raise ValueError("the footer is longer than the file")
     return length, _FOOTER * length
+
+
+def seal_footer(file: BinaryIO) -> None:
+    """Write a seal before the footer of a complete file, which is open for reading too."""
+    size = file.seek(0, os.SEEK_END)
+    length = measure_footer(file, size)[0]
+    start = size - _END - length
+    rest = read_at(file, start, length + _END)
+    file.seek(start)
+    file.write(_SEAL + zlib.crc32(rest).to_bytes(4, "little") + rest)
+
+
+def check_seal(file: BinaryIO, size: int, length: int) -> None:
+    """Raise ValueError if a footer of `length` bytes is not the sealed one; older files have no seal."""
+    start = size - _END - length
+    before = read_at(file, start - len(_SEAL) - 4, len(_SEAL) + 4) if start >= len(_SEAL) + 4 else b""
+    if before.startswith(_SEAL):
+        checksum = zlib.crc32(read_at(file, start, length + _END))
+        if checksum != int.from_bytes(before[len(_SEAL) :], "little"):
+            raise ValueError("the footer's checksum is wrong")
 
 
 def measure_pages(file: BinaryIO, metadata: Any, columns: list[int], objects: bool, left: int) -> int:

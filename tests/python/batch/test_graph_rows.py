@@ -102,7 +102,7 @@ def test_graphs_with_cycles_loops_and_parts_come_back(pairs, tmp_path):
     model = strand.Model(chains, np.empty((0, 4, 4)), harness=graph)
     (tmp_path / "aa").mkdir()
     name = f"{'a' * 16}-{'b' * 16}-0-end.parquet"
-    with (tmp_path / "aa" / name).open("wb") as file:
+    with (tmp_path / "aa" / name).open("w+b") as file:
         write_rows(make_model_rows("a", 0, None, model, 0.0), file, "")
     ((_, _, found),) = load_models(tmp_path)
     check_same(found.harness, graph)
