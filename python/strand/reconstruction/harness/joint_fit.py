@@ -31,9 +31,11 @@ _ALONG = 0.05  # weight of a junction's place in the plan over that of strands
 _APART = 0.9  # distance of strands that are apart, sums of their radii
 _FARTHEST = 10.0  # distance from a junction at which strands tell where they meet at most, radii
 _TELLING = 5.0  # length of the stretch that tells, radii
+_FEWEST = 4  # nodes of a stretch that tells a bend at least
 _BEYOND = 4.0  # stretch beyond a junction's first place, radii
 _MAX_TIP = 6.0  # distance of a traced end from that of its curve at most, radii
 _MAX_MOVE = 15.0  # distance of a junction from the end of a curve that leads to it at most, radii
+_MAX_SHARE = 0.4  # of a curve's length that lies beyond a junction at most
 _SAMPLES = 100  # of a curve
 _SHIFTED = 4.0  # stretch at a junction that bends to the shared point, radii
 _ROUNDS = 3  # of finding a junction's place
@@ -256,7 +258,7 @@ def _share_points(
 
 def _find_passing(part: Curve, place: Array, late: int, reach: float) -> float:
     """Return the arc length at which a curve passes a place, near one end: it may cross itself."""
-    reach = min(reach, 0.5 * part.length)
+    reach = min(reach, _MAX_SHARE * part.length)
     s = np.linspace(part.length - reach, part.length, _SAMPLES) if late else np.linspace(0.0, reach, _SAMPLES)
     positions = part.at(s)[0]
     return float(s[np.linalg.norm(positions - place, axis=1).argmin()])
@@ -278,10 +280,10 @@ def _continue_inward(outward: Sequence[Array], radii: Sequence[float], own: int)
             gaps = np.sqrt(_core.find_squared_distances(nodes, others))
             apart &= gaps > _APART * (radius + radii[other])
     first = int(apart.argmax()) if apart.any() else 0
-    first = min(first, int(np.searchsorted(along, _FARTHEST * radius)), len(nodes) - 2)
+    first = min(first, int(np.searchsorted(along, _FARTHEST * radius)), len(nodes) - _FEWEST)
     used = (along >= along[first]) & (along <= along[first] + _TELLING * radius)
-    if used.sum() < 4:
-        used[first : first + 4] = True
+    if used.sum() < _FEWEST:
+        used[first : first + _FEWEST] = True
     origin = along[first]
     bent = np.polynomial.polynomial.polyfit(along[used] - origin, nodes[used], 2)
     s = np.linspace(-origin - _BEYOND * radius, 0.0, _SAMPLES)

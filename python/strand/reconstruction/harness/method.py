@@ -16,7 +16,13 @@ from strand.reconstruction.harness.joint_fit import Fitted, fit_harness
 from strand.reconstruction.harness.lines import Lines, trace_lines
 from strand.reconstruction.harness.net_evidence import weigh_layouts
 from strand.reconstruction.harness.places import Decisions, collect_decisions, decide_places
-from strand.reconstruction.harness.strands import Strand, follow_strands, list_pairs, reach_edges
+from strand.reconstruction.harness.strands import (
+    Strand,
+    drop_collapsed,
+    follow_strands,
+    list_pairs,
+    reach_edges,
+)
 from strand.reconstruction.harness.surface_map import SurfaceMap, make_map
 from strand.reconstruction.harness.wires import choose_radii, list_bundles
 from strand.reconstruction.stages import Observed, Run
@@ -104,6 +110,7 @@ def find_harness(
         alone = find_alone(observed, drawn, config, run) if ask else None
         if alone is not None:
             strands, places = [reach_edges(strand, drawn) for strand in alone], np.zeros((0, 3))
+        strands = drop_collapsed(strands)
     with run.stage("fit"):
         centers = np.array([view.viewpoint for view in observed.views])
         clouds = Clouds(

@@ -30,6 +30,8 @@ _MAX_LEVEL = 8.0  # of that at most
 _MAX_UNLIKE = 12.0  # the same at a junction of three
 _BRANCH = 1.25  # cost of each arc of a junction but two
 _TORN = 2.5  # cost that close hubs save that are one junction
+_ASTRAY = 0.3  # price of arcs that point past one place that costs nothing
+_MAX_ASTRAY = 3.0  # that of arcs that point at places far apart
 _FURTHER = 2.0  # cost of each hub of one place but two
 _SPREAD = 0.6  # difference of heights at a junction that a strand passes at most, radii
 _TOP = 75.0  # percentile of the heights in the middle that tells how high the upper strand lies
@@ -100,11 +102,15 @@ def list_readings(
     elif len(own) == 4:
         readings = _read_four(own, hubs, middle, drawn, on_table, one or torn)
     elif len(own) == 5:
-        readings = _read_five(own, hubs, middle, drawn, on_table)
-    if one and len(own) not in (3, 4):
+        readings = _read_five(own, hubs, middle, drawn, on_table, one or torn)
+    if (one or torn) and len(own) not in (3, 4, 5):
         readings.append(_join_all(len(own)))
     further = _FURTHER * max(count - 2, 0)
-    saved = _TORN if torn and not one else 0.0
+    saved = 0.0
+    if torn and not one:
+        # arcs that point at places far apart belong to several junctions
+        astray = _find_meeting(own, middle)[0] - _ASTRAY if len(own) > 3 else 0.0
+        saved = (count - 1) * _TORN - min(max(astray, 0.0), _MAX_ASTRAY)
     readings = [
         replace(reading, cost=reading.cost + further - (0.0 if reading.pairs else saved))
         for reading in readings
@@ -175,7 +181,7 @@ def _read_four(
         cost += _RISE_WEIGHT * (max(0.0, _RISE * radius - rise) / deviation) ** 2
         readings.append(Reading(cost, (), pairs, (first, second), (second, first)))
         # an end that lies on a strand makes a rise too
-        levels.append(min(_LEVEL_WEIGHT * (max(0.0, rise - _LEVEL * radius) / deviation) ** 2, _MAX_LEVEL))
+        levels.append(_price_rise(rise, radius, deviation))
     if joined:
         level = levels[int(np.argmin([reading.cost for reading in readings]))] if readings else 0.0
         readings.append(Reading(2.0 * _BRANCH + level, (0, 1, 2, 3)))
@@ -183,10 +189,10 @@ def _read_four(
 
 
 def _read_five(
-    own: Sequence[Port], hubs: Sequence[int], middle: Array, drawn: SurfaceMap, on_table: bool
+    own: Sequence[Port], hubs: Sequence[int], middle: Array, drawn: SurfaceMap, on_table: bool, joined: bool
 ) -> list[Reading]:
-    """Return strands that pass a junction of three."""
-    readings = []
+    """Return strands that pass a junction of three, and a junction of five last."""
+    readings, levels = [], []
     top = float(np.percentile(drawn.sample_heights(middle), _TOP))
     base = max(port.rest for port in own)
     axes = np.array([port.height - drawn.cell * port.half_width for port in own])
@@ -210,7 +216,16 @@ def _read_five(
         own_height = float(passing + widths[list(pair)].mean())
         other = float(joint + widths[list(rest)].mean())
         readings.append(Reading(cost, rest, (pair,), (own_height,), (other,), place=place))
+        levels.append(_price_rise(rise, radius, deviation))
+    if joined:
+        level = levels[int(np.argmin([reading.cost for reading in readings]))] if readings else 0.0
+        readings.append(Reading(3.0 * _BRANCH + level, tuple(range(5))))
     return readings
+
+
+def _price_rise(rise: float, radius: float, deviation: float) -> float:
+    """Return the cost of a rise, metres, at a place where all strands are joined."""
+    return min(_LEVEL_WEIGHT * (max(0.0, rise - _LEVEL * radius) / deviation) ** 2, _MAX_LEVEL)
 
 
 def _turn_back(pair: tuple[int, int], hubs: Sequence[int]) -> bool:

@@ -8,6 +8,7 @@ from itertools import count
 
 import numpy as np
 
+from strand.geometry.polyline import path_length
 from strand.reconstruction.harness.lines import NO_HUB, End, Lines
 from strand.reconstruction.harness.places import Decisions, Passing
 from strand.reconstruction.harness.ports import measure_along
@@ -29,6 +30,8 @@ _MAX_TIP = 60  # steps of half a cell from an end to the mask's edge at most
 _FARTHEST = 5.0  # distance from the end of a traced tube to that of the mask at most, radii
 _SAME_HEIGHT = 0.7  # difference of heights of one strand at most, radii
 _FEWEST = 4  # nodes of a strand at least
+_SAME_PLACE = 1.0  # length of a strand between two junctions that are one place at most, half widths
+_TIGHTEST = 5.0  # length of a strand from a junction to itself at least, half widths
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +113,27 @@ def follow_strands(lines: Lines, decided: Decisions, drawn: SurfaceMap, radii: A
             closed = True
         strands.append(_lift(cells, passed, under, (ends[0], ends[1]), closed, drawn, radii))
     return strands
+
+
+def drop_collapsed(strands: Sequence[Strand]) -> list[Strand]:
+    """Return strands without those too short to lie between junctions; both junctions become one."""
+    merged: dict[int, int] = {}
+    kept = []
+    for strand in strands:
+        first, last = strand.ends
+        if first is None or last is None:
+            kept.append(strand)
+            continue
+        length = float(path_length(strand.nodes)[-1])
+        if length > (_TIGHTEST if first == last else _SAME_PLACE) * strand.half_width:
+            kept.append(strand)
+            continue
+        one, other = sorted(merged.get(end, end) for end in (first, last))
+        merged = {end: one if now == other else now for end, now in {**merged, other: other}.items()}
+    if len(kept) == len(strands):
+        return list(strands)
+    ends = [tuple(None if end is None else merged.get(end, end) for end in strand.ends) for strand in kept]
+    return [replace(strand, ends=(pair[0], pair[1])) for strand, pair in zip(kept, ends, strict=True)]
 
 
 def _follow(
