@@ -30,8 +30,8 @@ _MAX_LEVEL = 8.0  # of that at most
 _MAX_UNLIKE = 12.0  # the same at a junction of three
 _BRANCH = 1.25  # cost of each arc of a junction but two
 _TORN = 2.5  # cost that close hubs save that are one junction
-_ASTRAY = 0.3  # price of arcs that point past one place that costs nothing
-_MAX_ASTRAY = 3.0  # that of arcs that point at places far apart
+_MISS = 0.4  # squared distances of arcs' lines from one place that cost nothing, half widths
+_MAX_MISS = 3.0  # cost of arcs that point at places far apart
 _FURTHER = 2.0  # cost of each hub of one place but two
 _SPREAD = 0.6  # difference of heights at a junction that a strand passes at most, radii
 _TOP = 75.0  # percentile of the heights in the middle that tells how high the upper strand lies
@@ -109,8 +109,8 @@ def list_readings(
     saved = 0.0
     if torn and not one:
         # arcs that point at places far apart belong to several junctions
-        astray = _find_meeting(own, middle)[0] - _ASTRAY if len(own) > 3 else 0.0
-        saved = (count - 1) * _TORN - min(max(astray, 0.0), _MAX_ASTRAY)
+        missed = _measure_miss(own) - _MISS if len(own) > 3 else 0.0
+        saved = (count - 1) * _TORN - min(max(missed, 0.0), _MAX_MISS)
     readings = [
         replace(reading, cost=reading.cost + further - (0.0 if reading.pairs else saved))
         for reading in readings
@@ -258,6 +258,14 @@ def _find_meeting(own: Sequence[Port], middle: Array) -> tuple[float, Array]:
         costs += (np.arccos(np.clip(-ways @ port.direction, -1.0, 1.0)) / _SIDE) ** 2
     best = int(costs.argmin())
     return float(costs[best]), middle[best]
+
+
+def _measure_miss(own: Sequence[Port]) -> float:
+    """Return the least sum of squared distances of ports' lines from one place, half widths."""
+    across = [(np.eye(2) - np.outer(port.direction, port.direction)) / port.half_width for port in own]
+    ways = np.concatenate([matrix @ port.place for matrix, port in zip(across, own, strict=True)])
+    place = np.linalg.lstsq(np.concatenate(across), ways, rcond=None)[0]
+    return float(np.sum((np.concatenate(across) @ place - ways) ** 2))
 
 
 def _measure_deviation(own: Sequence[Port], radius: float) -> float:

@@ -48,7 +48,7 @@ def test_many_branches_meet_at_one_junction(angles, azimuths):
     np.testing.assert_allclose(junction.position, [0.0, 0.0, R], atol=R)
 
 
-@pytest.mark.parametrize("gap", [0.012, 0.03])
+@pytest.mark.parametrize("gap", [0.01, 0.012, 0.03])
 def test_two_junctions_are_no_sure_junction_of_four(gap):
     half = 0.5 * gap
     lines = [
