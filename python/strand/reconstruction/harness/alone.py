@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -29,6 +30,9 @@ _TIED = 0.2  # gap of strands that a tie may hold together, radii
 _TIE = 0.95  # height of a tie over the strands' axes at least, radii: between touching ropes is a valley
 _NEAR_CONTACT = 3.0  # distance of a tie from where the strands touch at most, radii
 _APART = 1.3  # distance of the axes of strands under a tie at most, sums of their radii
+_BENT = np.radians(55.0)  # radians: turn of strands beside each other that are branches instead
+_BENT_REACH = np.array([-3.0, -1.5, 1.5, 3.0])  # radii from the place of the turn where it has its directions
+_BESIDE = 2.3  # distance of these turns at most, sums of their radii
 _STEP = 0.25  # radii: distance of the places where ties are sought
 
 
@@ -50,7 +54,7 @@ def find_alone(observed: Observed, drawn: SurfaceMap, config: Config, run: Run) 
     chains, up = found.chains, drawn.frame[:, 2]
     # how far an end reaches is no question of branches
     doubts = [doubt for doubt in found.doubts or () if doubt.kind != "end"]
-    if compute_trust(doubts) < _MIN_TRUST or _meet(chains, up):
+    if compute_trust(doubts) < _MIN_TRUST or _meet(chains, up) or _turn_apart(chains):
         return None
     least = _LEVEL * 2.0 * min(chain.radius for chain in chains)
     if any(abs(crossing.height) < least for crossing in find_crossings(chains, up, ())):
@@ -106,6 +110,29 @@ def _sample_around(chain: Chain, stretch: tuple[float, float]) -> Array:
     low, high = max(stretch[0] - more, 0.0), min(stretch[1] + more, chain.length)
     count = max(int((high - low) / (_STEP * chain.radius)), 2)
     return chain.at(np.linspace(low, high, count))
+
+
+def _turn_apart(chains: Sequence[Chain]) -> bool:
+    """Tell whether two strands turn sharply beside each other, as branches of two junctions do."""
+    bent = [_list_bends(chain) for chain in chains]
+    for (some, own), (other, others) in combinations(zip(chains, bent, strict=True), 2):
+        gaps = np.linalg.norm(own[:, None] - others, axis=2)
+        if gaps.min(initial=np.inf) < _BESIDE * (some.radius + other.radius):
+            return True
+    return False
+
+
+def _list_bends(chain: Chain) -> Array:
+    """Return places (M, 3) where a chain turns sharply."""
+    reach = _BENT_REACH * chain.radius
+    s = np.arange(reach[-1], chain.length - reach[-1], _STEP * chain.radius)
+    if not len(s):
+        return np.zeros((0, 3))
+    before, start, stop, after = (chain.at(s + away) for away in reach)
+    first, second = start - before, after - stop
+    sizes = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+    cosines = np.einsum("ij,ij->i", first, second) / np.maximum(sizes, 1e-18)
+    return chain.at(s[cosines < np.cos(_BENT)])
 
 
 def _meet(chains: Sequence[Chain], up: Array) -> bool:

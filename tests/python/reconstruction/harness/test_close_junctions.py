@@ -63,6 +63,14 @@ def test_two_junctions_are_no_sure_junction_of_four(gap):
         assert model.confidence < 0.9
 
 
+@pytest.mark.parametrize(("gap", "azimuth", "angle"), [(0.008, 0.0, -70), (0.01, 0.5, -70), (0.01, 0.0, -80)])
+def test_branches_on_both_sides_of_a_trunk_are_no_two_ropes_that_turn(gap, azimuth, angle):
+    half = 0.5 * gap
+    model = look([draw(-TRUNK, 0, 2 * TRUNK), draw(-half, 80, 0.1), draw(half, angle, 0.1)], (azimuth,))
+    assert len(model.chains) > 2
+    assert model.confidence < 0.9
+
+
 @pytest.mark.parametrize("elevation", [0.15, 0.2, 0.3])
 def test_views_along_a_table_make_no_edges_without_length(elevation):
     made = harness("tree", seed=2, views=1)
