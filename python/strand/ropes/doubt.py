@@ -54,12 +54,12 @@ DOUBTS = (
 """Kinds of doubt.
 
 - "join": the segments there may belong together in another way.
-- "rival": another way to join all segments costs hardly more.
+- "rival": another way to join all segments costs hardly more, or a look from another side shows it.
 - "end": the rope may end elsewhere.
 - "cut end": the rope leaves the images, or goes on beneath the table's edge.
 - "hidden end": something in front of the rope hides its end.
 - "gap": cameras saw through a gap that was bridged, or a rope goes on in line with an end.
-- "left out": a segment belongs to no rope.
+- "left out": a segment, or a piece as large as a short branch, belongs to no rope.
 - "noise": the noise is wide compared with the rope.
 - "prior": an answer that ignores a prior explains the points better.
 - "points": too few points lie on the ropes.
@@ -68,7 +68,7 @@ DOUBTS = (
 - "radius": ropes or their masks look thicker or thinner than the given radius.
 - "range": ropes leave the extraction range.
 - "residuals": views disagree along stretches of rope, or about where it ends.
-- "view": a view saw through the ropes.
+- "view": a view saw through the ropes, or all views look along the table.
 - "depth", "intrinsics", "viewpoint": these look like a usual mistake.
 - "beneath": by the poses, the cameras look at the ropes from beneath.
 - "order": depth hardly decides which strand is on top at a crossing.

@@ -27,7 +27,7 @@ _MEETING = 0.5  # gap between an end's axis and a strand's surface where they me
 _LEVEL = 0.5  # difference of their heights there at most, sums of their radii
 _OWN = 6.0  # stretch of rope at an end that it cannot meet, radii
 _TIED = 0.2  # gap of strands that a tie may hold together, radii
-_TIE = 0.95  # height of a tie over the strands' axes at least, radii: between touching ropes is a valley
+_TIE = 0.95  # height of a tie over the strands' axes at least, ridges: between touching ropes is a valley
 _NEAR_CONTACT = 3.0  # distance of a tie from where the strands touch at most, radii
 _APART = 1.3  # distance of the axes of strands under a tie at most, sums of their radii
 _BENT = np.radians(55.0)  # radians: turn of strands beside each other that are branches instead
@@ -101,7 +101,7 @@ def _may_be_tied(contact: Contact, chains: Sequence[Chain], drawn: SurfaceMap) -
     if not len(middles):
         return False
     places, heights = drawn.flatten(middles)
-    return float((drawn.sample_heights(places) - heights).max()) > 0.5 * _TIE * reach
+    return float((drawn.sample_heights(places) - heights).max()) > 0.5 * _TIE * drawn.ridge * reach
 
 
 def _sample_around(chain: Chain, stretch: tuple[float, float]) -> Array:

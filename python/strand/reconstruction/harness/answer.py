@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,19 +15,29 @@ from strand.reconstruction.answering import (
     list_images,
 )
 from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
-from strand.reconstruction.harness.certainty import judge
+from strand.reconstruction.harness.certainty import Certainty, judge
 from strand.reconstruction.harness.flat_bundles import find_flat_bundles
 from strand.reconstruction.harness.graph import Graph, make_graph, make_harness
-from strand.reconstruction.harness.method import FoundHarness, find_harness
+from strand.reconstruction.harness.look_doubts import (
+    doubt_by_rival,
+    doubt_grazing_views,
+    doubt_uncovered,
+    is_same_graph,
+)
+from strand.reconstruction.harness.method import FoundHarness, find_harnesses
 from strand.reconstruction.harness.net_evidence import doubt_differences
 from strand.reconstruction.harness.wires import choose_radii, list_bundles
 from strand.reconstruction.images.border_ends import doubt_ends_at_border
 from strand.reconstruction.observing import Hints, Scene
 from strand.reconstruction.stages import Found, Run
 from strand.reconstruction.upwards import find_up
+from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.ropes.model import Model
+from strand.support.checks import Array
 
+_SAME_PLACE = 6.0  # distance of nodes of two looks that are one at most, radii
+_SURE = 0.9  # confidence above which no other look is taken
 _NO_BUNDLES = 0.1  # doubt of strands that are no bundles of the given wire
 _FLAT = 0.12  # doubt of a harness with wires that lie side by side
 _UNEQUAL = 0.1  # doubt of a junction at which wires do not add up
@@ -48,13 +60,10 @@ def answer_with_harness(scene: Scene, hints: Hints, run: Run, keep_stages: bool)
     strand.NotEnoughDataError
         If the views show no ropes.
     """
-    harness = find_harness(scene.observed, hints.config, run, hints.wire, hints.net)
-    found = _collect(harness, scene)
-    poses, pose_sd = collect_poses(scene, found)
+    look = _find_surest(scene, hints, run)
+    harness, found, poses, chains = look.harness, look.found, look.poses, look.chains
+    graph, certainty = look.graph, look.certainty
     upwards = find_up(scene, found, found.chains, hints.previous)
-    chains = describe_chains(found.chains, scene.extract.whole, list(poses))
-    graph = make_graph(chains, harness.strands, harness.fitted.places, harness.fitted.covariances)
-    certainty = judge(harness, graph, chains)
     flat = find_flat_bundles(harness.strands, harness.drawn, harness.ground.table)
     wires, wire_doubts = _count_wires(harness, graph, flat, hints.wire)
     at_edge = doubt_ends_at_edge(chains, scene.extract.whole, scene.tables) if scene.tables else []
@@ -73,7 +82,7 @@ def answer_with_harness(scene: Scene, hints: Hints, run: Run, keep_stages: bool)
         run.timings,
         tuple(run.warnings),
         collect_stages(scene, found) if keep_stages else {},
-        pose_sd,
+        look.pose_sd,
         confidence=certainty.weigh(doubts),
         doubts=tuple(doubts),
         method=hints.config.method,
@@ -82,6 +91,48 @@ def answer_with_harness(scene: Scene, hints: Hints, run: Run, keep_stages: bool)
         stamp=max((view.stamp for view in scene.extract.whole if view.stamp is not None), default=None),
         harness=answer,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """A harness as it looks from one side, and how sure that is."""
+
+    harness: FoundHarness
+    found: Found
+    poses: Array
+    pose_sd: Array
+    chains: list[Chain]
+    graph: Graph
+    certainty: Certainty
+
+    @property
+    def confidence(self) -> float:
+        return self.certainty.weigh(self.certainty.doubts)
+
+
+def _find_surest(scene: Scene, hints: Hints, run: Run) -> _Look:
+    """Return the surest look at a harness; the first that is sure ends the search."""
+    looks: list[_Look] = []
+    for harness in find_harnesses(scene.observed, hints.config, run, hints.wire, hints.net):
+        found = _collect(harness, scene)
+        poses, pose_sd = collect_poses(scene, found)
+        chains = describe_chains(found.chains, scene.extract.whole, list(poses))
+        graph = make_graph(chains, harness.strands, harness.fitted.places, harness.fitted.covariances)
+        certainty = judge(harness, graph, chains)
+        looks.append(_Look(harness, found, poses, pose_sd, chains, graph, certainty))
+        # one view may be sure where a strand hides another
+        if looks[-1].confidence >= _SURE and len(scene.observed.views) > 1:
+            break
+    best, *others = sorted(looks, key=lambda look: -look.confidence)
+    reach = _SAME_PLACE * max(chain.radius for chain in best.chains)
+    rivals = [other.confidence for other in others if not is_same_graph(best.graph, other.graph, reach)]
+    doubts = [
+        *(doubt_by_rival(best.confidence, rival) for rival in rivals),
+        *doubt_grazing_views(best.harness.ground),
+        *doubt_uncovered(best.harness),
+    ]
+    certainty = replace(best.certainty, doubts=[*best.certainty.doubts, *doubts])
+    return replace(best, certainty=certainty)
 
 
 def _doubt_flat(flat: NDArray[np.bool_]) -> list[Doubt]:

@@ -32,5 +32,5 @@ def find_flat_bundles(strands: Sequence[Strand], drawn: SurfaceMap, table: Plane
         places, _ = drawn.flatten(strand.nodes[low:high])
         surface = drawn.lift(places, drawn.sample_heights(places))
         height = float(np.median(table.measure_heights(surface)))
-        flat[number] = height < _FLAT * 2.0 * strand.half_width
+        flat[number] = height < _FLAT * (1.0 + drawn.ridge) * strand.half_width
     return flat

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,7 +34,14 @@ from strand.support.checks import Array
 
 _MAX_WIDTH = 1.8  # half width of strands whose points may be a surface, greatest radii
 _MAX_LAYOUTS = 12  # that a netlist chooses from
+_LEAST_COSINE = 0.25  # of the angle between up and the way to the cameras
+_SAME_COSINE = 0.98  # of the same: above it both looks are one
+_MAX_ASKED = 40  # places where strands meet of ropes that tubes are asked about at most
 _MAX_STRANDS = 120  # of a harness: more are a net, or no ropes
+
+
+SECOND_LOOK = "a look at the harness from the cameras"
+"""Name of the work that a deadline may skip."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,16 +73,20 @@ class FoundHarness:
     traced: bool
 
 
-def find_harness(
+def find_harnesses(
     observed: Observed, config: Config, run: Run, wire: float | None = None, net: Netlist | None = None
-) -> FoundHarness:
-    """Find the graph of ropes that branch.
+) -> Iterator[FoundHarness]:
+    """Yield the graph of ropes that branch as it looks from above, then as it looks from the cameras.
+
+    From above, no strand hides another's side, but one view does not see what lies behind strands. From the
+    cameras nothing is missing, but strands that lie one behind the other look as if they met.
 
     Parameters
     ----------
     observed : Observed
     config : Config
     run : Run
+        Past its deadline, nothing follows the first.
     wire : float, optional
         The radius of a wire, metres, if strands are bundles of wires.
     net : Netlist, optional
@@ -83,16 +95,47 @@ def find_harness(
     Raises
     ------
     strand.NotEnoughDataError
-        If the points show no ropes.
+        If the points show no ropes from above.
     """
+    radii = (float(observed.radii.values.min()), float(observed.radii.values.max()))
+    with run.stage("register"):
+        ground = find_ground(observed, radii)
+    yield _look(ground, ground.up, observed, config, run, wire, net)
+    ways = ground.viewpoints - np.concatenate(ground.clouds).mean(axis=0)
+    toward = (ways / np.linalg.norm(ways, axis=1, keepdims=True)).sum(axis=0)
+    toward /= np.linalg.norm(toward)
+    if not _LEAST_COSINE < float(toward @ ground.up) < _SAME_COSINE or run.skips(SECOND_LOOK):
+        return
+    try:
+        yield _look(ground, toward, observed, config, run, wire, net)
+    except NotEnoughDataError:
+        return
+
+
+def _look(
+    ground: Ground,
+    toward: Array,
+    observed: Observed,
+    config: Config,
+    run: Run,
+    wire: float | None,
+    net: Netlist | None,
+) -> FoundHarness:
+    """Return the graph as it looks against a unit vector."""
     given = None if observed.radii.free or observed.radii.held else observed.radii.values
     bundles = None if wire is None else list_bundles(wire)
     possible = given if given is not None else bundles
     radii = (float(observed.radii.values.min()), float(observed.radii.values.max()))
-    with run.stage("register"):
-        ground = find_ground(observed, radii)
     with run.stage("map"):
-        drawn = make_map(ground.clouds, ground.viewpoints, ground.floor, ground.up, radii, observed.held)
+        drawn = make_map(
+            ground.clouds,
+            ground.viewpoints,
+            ground.floor,
+            ground.up,
+            toward,
+            radii,
+            observed.held,
+        )
         lines = trace_lines(drawn, radii[0])
     with run.stage("places"):
         if len(lines.arcs) > _MAX_STRANDS:
@@ -106,7 +149,11 @@ def find_harness(
             raise NotEnoughDataError("views: the points make no strand; is the radius right, in metres?")
         _refuse_surfaces(strands, observed, radii[1])
         places = _lift_junctions(decided, strands)
-        ask = len(lines.hubs) and net is None and not _are_bundles(strands, len(places), given)
+        ask = (
+            0 < len(lines.hubs) <= _MAX_ASKED
+            and net is None
+            and not _are_bundles(strands, len(places), given)
+        )
         alone = find_alone(observed, drawn, config, run) if ask else None
         if alone is not None:
             strands, places = [reach_edges(strand, drawn) for strand in alone], np.zeros((0, 3))

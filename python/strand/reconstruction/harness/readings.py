@@ -143,7 +143,7 @@ def _read_three(own: Sequence[Port], drawn: SurfaceMap, on_table: bool) -> list[
         straight = (bend / _BEND) ** 2 + _price_widths(some, other) + _LAID
         # a strand that is thicker than both has a higher surface
         thicker = radius - drawn.cell * max(some.half_width, other.half_width)
-        rise = end.near - max(some.rest, other.rest) - 2.0 * max(thicker, 0.0)
+        rise = end.near - max(some.rest, other.rest) - (1.0 + drawn.ridge) * max(thicker, 0.0)
         drop = end.near - end.rest
         bump = min(some.near, other.near) - max(port.rest for port in own)
         for under, heights in (
@@ -167,14 +167,15 @@ def _read_four(
     top = float(np.percentile(drawn.sample_heights(middle), _TOP))
     rest = max(port.rest for port in own)
     deviation = _measure_deviation(own, radius)
+    scale = drawn.cell * drawn.ridge
     readings, levels = [], []
     for pairs in _PAIRINGS:
         if any(_turn_back(pair, hubs) for pair in pairs):
             continue
         first, second = (0.5 * (own[i].height + own[j].height) for i, j in pairs)
         # axes, as strands of different widths that lie on a table differ in their surfaces
-        widths = [0.5 * drawn.cell * (own[i].half_width + own[j].half_width) for i, j in pairs]
-        rise = abs(first - widths[0] - second + widths[1])
+        ridges = [0.5 * scale * (own[i].half_width + own[j].half_width) for i, j in pairs]
+        rise = abs(first - ridges[0] - second + ridges[1])
         if on_table:
             rise = max(rise, top - rest)
         cost = sum(_price_continuation(own[i], own[j]) for i, j in pairs)
@@ -195,8 +196,8 @@ def _read_five(
     readings, levels = [], []
     top = float(np.percentile(drawn.sample_heights(middle), _TOP))
     base = max(port.rest for port in own)
-    axes = np.array([port.height - drawn.cell * port.half_width for port in own])
     widths = drawn.cell * np.array([port.half_width for port in own])
+    axes = np.array([port.height for port in own]) - drawn.ridge * widths
     radius = float(widths.mean())
     deviation = _measure_deviation(own, radius)
     for pair in combinations(range(5), 2):
@@ -213,8 +214,8 @@ def _read_five(
         cost += _RISE_WEIGHT * (max(0.0, _RISE * radius - rise) / deviation) ** 2
         apart = float(np.ptp(axes[list(rest)])) - _SPREAD * radius
         cost += min(_LEVEL_WEIGHT * (max(0.0, apart) / deviation) ** 2, _MAX_LEVEL)
-        own_height = float(passing + widths[list(pair)].mean())
-        other = float(joint + widths[list(rest)].mean())
+        own_height = float(passing + drawn.ridge * widths[list(pair)].mean())
+        other = float(joint + drawn.ridge * widths[list(rest)].mean())
         readings.append(Reading(cost, rest, (pair,), (own_height,), (other,), place=place))
         levels.append(_price_rise(rise, radius, deviation))
     if joined:

@@ -24,7 +24,7 @@ _BENT_BY = 1.2  # the same where the other strand is thicker, half widths of the
 _HIDDEN = 2.6  # distance from a crossing up to which the upper strand hides the lower one, half widths
 _BESIDE = 1.5  # the same beside the stretch where both merge, half widths
 _ENDS = 4.0  # stretches at ends that do not tell a width, half widths
-_AXIS = 0.93  # depth of the axis below the smoothed surface, radii
+_AXIS = 0.93  # depth of the axis below the smoothed surface, heights of the ridge
 _TIP = 3.0  # length of the stretch that tells where an end points, half widths
 _MAX_TIP = 60  # steps of half a cell from an end to the mask's edge at most
 _FARTHEST = 5.0  # distance from the end of a traced tube to that of the mask at most, radii
@@ -259,7 +259,7 @@ def _lift(
         hidden |= np.linalg.norm(smooth - tip, axis=1) < reach
     if (~hidden).sum() >= _FEWEST:
         heights = np.interp(places, places[~hidden], _take_medians(heights[~hidden]))
-    heights = smooth_nodes(heights[:, None], deviation)[:, 0] - _AXIS * radius
+    heights = smooth_nodes(heights[:, None], deviation)[:, 0] - _AXIS * drawn.ridge * radius
     return Strand(drawn.lift(smooth, heights), ends, half_width, closed)
 
 

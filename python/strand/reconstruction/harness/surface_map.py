@@ -40,7 +40,7 @@ class SurfaceMap:
     Attributes
     ----------
     frame : (3, 3) ndarray
-        Columns: the map's first and second axis, and up, in the world frame.
+        Columns: the map's first and second axis, across the way of looking, and up, in the world frame.
     corner : (2,) ndarray
         Place of the corner of cell (0, 0), metres.
     cell : float
@@ -62,6 +62,11 @@ class SurfaceMap:
     heights: Array
     half_widths: Array
     seen: NDArray[np.bool_]
+
+    @property
+    def ridge(self) -> float:
+        """Height of the surface of a tube over its axis as the map shows it, radii."""
+        return float(np.cross(self.frame[:, 0], self.frame[:, 1]) @ self.frame[:, 2])
 
     def sample_heights(self, places: Array) -> Array:
         """Return heights (M,) at places (M, 2) in cells, metres."""
@@ -95,7 +100,7 @@ class SurfaceMap:
     def lift(self, places: Array, heights: Array) -> Array:
         """Return places (M, 2) in cells with heights (M,) in the world frame, (M, 3) metres."""
         plan = (places + 0.5) * self.cell + self.corner
-        return np.column_stack([plan, heights]) @ self.frame.T
+        return np.asarray(np.column_stack([plan, heights]) @ np.linalg.inv(self.frame))
 
     def _index(self, places: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         rounded = np.rint(places).astype(np.int64)
@@ -115,10 +120,11 @@ def make_map(
     viewpoints: Array,
     floor: Array,
     up: Array,
+    toward: Array,
     radii: tuple[float, float],
     middle: int,
 ) -> SurfaceMap:
-    """Draw ropes as they are seen from above.
+    """Draw ropes as they are seen from one side.
 
     Parameters
     ----------
@@ -129,6 +135,8 @@ def make_map(
     floor : (M, 3) ndarray
         Points of the table; none if there is none.
     up : (3,) ndarray
+        Unit vector along which heights are measured.
+    toward : (3,) ndarray
         Unit vector against which the map looks.
     radii : (float, float)
         The least and the greatest radius of the ropes, metres.
@@ -136,7 +144,7 @@ def make_map(
         The view whose points tell how dense neighbouring points are.
     """
     least, greatest = radii
-    frame = make_frame(up)
+    frame = np.column_stack([make_frame(toward)[:, :2], up])
     step = _measure_step(clouds[middle], least)
     cell = min(max(_CELL * least, _MIN_CELL), _CELL_OF_STEP * step)
     points = np.concatenate(clouds) @ frame

@@ -49,6 +49,14 @@ def test_graphs_are_as_drawn(kind, seed):
     assert model.confidence > 0.5
 
 
+@pytest.mark.parametrize(("kind", "seed"), [("near", 28), ("loop", 24)])
+def test_one_view_hides_what_a_look_from_its_camera_shows(kind, seed):
+    made = harness(kind, seed=seed, views=1, noise=Noise(depth=0.0005))
+    model = strand.reconstruct(made.views, sorted(set(made.radii)), made.bounds, branches=True)
+    check_graph(made, model)
+    assert model.confidence > 0.5
+
+
 def test_the_models_chains_are_the_edges():
     _, model = look("tree", 1)
     edges = model.harness.edges

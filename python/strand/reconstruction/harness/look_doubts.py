@@ -1,0 +1,88 @@
+"""Doubts of a look at a harness: by another look, by views along the table, and by what no strand covers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+import strand._core as _core
+from strand.reconstruction.harness.graph import Graph
+from strand.reconstruction.harness.ground import Ground
+from strand.reconstruction.harness.method import FoundHarness
+from strand.ropes.doubt import Doubt
+
+_GRAZING = 0.35  # cosine of the angle between up and the steepest view below which it tells little
+_GRAZING_DOUBT = 0.8  # doubt of views along the table
+_BESIDE = 1.25  # distance from a strand's line that it covers, its half widths
+_EDGE = 1.5  # the same in addition, cells
+_STUB = 1.3  # area that no strand covers at least, squared least radii
+_STUB_DOUBT = 0.15  # doubt of each
+
+
+def is_same_graph(some: Graph, other: Graph, reach: float) -> bool:
+    """Tell whether two graphs have the same nodes, within a reach, metres, and the same edges."""
+    if len(some.places) != len(other.places) or len(some.pairs) != len(other.pairs):
+        return False
+    away = np.linalg.norm(some.places[:, None] - other.places, axis=2)
+    named = away.argmin(axis=1)
+    if len(set(named.tolist())) < len(named) or float(away.min(axis=1).max()) > reach:
+        return False
+    edges = [
+        sorted(tuple(sorted(pair)) for pair in pairs)
+        for pairs in ([(int(named[a]), int(named[b])) for a, b in some.pairs], other.pairs)
+    ]
+    return edges[0] == edges[1]
+
+
+def doubt_by_rival(sure: float, rival: float) -> Doubt:
+    """Doubt a graph because a look from another side shows another one.
+
+    At most one of both is right. Their confidences are taken as independent.
+
+    Parameters
+    ----------
+    sure, rival : float
+        The confidences of both, from 0 to 1; `sure` is not the smaller one.
+    """
+    alone = sure * (1.0 - rival)
+    either = alone + rival * (1.0 - sure) + (1.0 - sure) * (1.0 - rival)
+    amount = math.log(max(sure, 1e-9) / max(alone / max(either, 1e-9), 1e-9))
+    reason = "a look from another side shows another graph"
+    return Doubt("rival", max(amount, 0.0), "which graph it is", reason)
+
+
+def doubt_grazing_views(ground: Ground) -> Iterator[Doubt]:
+    """Doubt a harness that all views see along the table."""
+    ways = ground.viewpoints - np.concatenate(ground.clouds).mean(axis=0)
+    steepest = float((ways @ ground.up / np.linalg.norm(ways, axis=1)).max())
+    if steepest < _GRAZING:
+        degrees = math.degrees(math.asin(max(steepest, 0.0)))
+        reason = f"all views look along the table, the steepest at {degrees:.0f} degrees"
+        yield Doubt("view", _GRAZING_DOUBT * (1.0 - steepest / _GRAZING), "how strands meet", reason)
+
+
+def doubt_uncovered(found: FoundHarness) -> Iterator[Doubt]:
+    """Doubt a harness at pieces of the map's mask that no strand covers, as a short branch would be."""
+    drawn = found.drawn
+    left = drawn.mask & drawn.seen
+    for strand in found.strands:
+        places, _ = drawn.flatten(strand.nodes)
+        cells = np.argwhere(left).astype(np.float64)
+        if not len(cells):
+            return
+        flat = np.zeros((len(cells), 1))
+        line = np.column_stack([places, np.zeros(len(places))])
+        away = np.sqrt(_core.find_squared_distances(np.hstack([cells, flat]), line))
+        reach = _BESIDE * strand.half_width / drawn.cell + _EDGE
+        near = cells[away < reach].astype(np.int64)
+        left[near[:, 0], near[:, 1]] = False
+    numbers = _core.number_blobs(np.ascontiguousarray(left))
+    sizes = np.bincount(numbers.ravel())
+    least = min(strand.half_width for strand in found.strands) / drawn.cell
+    for number in np.flatnonzero(sizes[1:] > _STUB * least**2) + 1:
+        middle = np.argwhere(numbers == number).mean(axis=0, keepdims=True)
+        place = drawn.lift(middle, drawn.sample_heights(middle))[0]
+        reason = "a piece beside the strands is as large as a short branch"
+        yield Doubt("left out", _STUB_DOUBT, "whether there is a branch", reason, place)

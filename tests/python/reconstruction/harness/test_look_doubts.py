@@ -1,0 +1,75 @@
+"""Doubts of a look at a harness: by another look, by views along the table, and by what no strand covers."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import strand
+from strand.reconstruction.harness.graph import Graph
+from strand.reconstruction.harness.look_doubts import doubt_by_rival, is_same_graph
+from strand.synthetic import Camera, camera_pose, harness
+from strand.synthetic.rendering import render_depth
+
+CAMERA = Camera(size=(640, 480))
+RADIUS = 0.004  # metres
+PLACES = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [-0.1, 0.0, 0.0]])
+PAIRS = [(0, 1), (0, 2), (0, 3)]
+
+
+def look(lines, radii, elevation=1.1):
+    rng = np.random.default_rng(0)
+    pose = camera_pose(0.3, 0.5, elevation)
+    depth = render_depth(lines, radii, CAMERA.intrinsics, pose, CAMERA.size, 3.0)
+    depth[depth > 0.0] += 0.0003 * rng.normal(size=np.count_nonzero(depth > 0.0))
+    view = strand.View.from_depth(depth, CAMERA.intrinsics, pose)
+    bounds = ([-0.3, -0.3, 0.0025], [0.3, 0.3, 0.03])
+    return strand.reconstruct([view], sorted(set(radii)), bounds, branches=True)
+
+
+def draw(start, stop):
+    return np.linspace([*start, RADIUS], [*stop, RADIUS], 80)
+
+
+def make_graph(places, pairs):
+    return Graph(np.asarray(places), np.zeros((len(places), 3, 3)), pairs)
+
+
+def test_graphs_are_the_same_in_any_order_and_near_enough():
+    graph = make_graph(PLACES, PAIRS)
+    order = [2, 0, 3, 1]
+    numbers = {old: new for new, old in enumerate(order)}
+    renamed = make_graph(PLACES[order] + 0.004, [(numbers[b], numbers[a]) for a, b in PAIRS[::-1]])
+    assert is_same_graph(graph, renamed, 0.01)
+    assert not is_same_graph(graph, renamed, 0.005)
+    assert not is_same_graph(graph, make_graph(PLACES, [(0, 1), (0, 2), (1, 3)]), 0.01)
+    assert not is_same_graph(graph, make_graph(PLACES[:3], PAIRS[:2]), 0.01)
+
+
+@pytest.mark.parametrize(("sure", "rival"), [(0.97, 0.6), (0.86, 0.6), (0.5, 0.5), (0.9, 0.0)])
+def test_a_rival_leaves_the_share_that_bayes_says(sure, rival):
+    left = sure * math.exp(-doubt_by_rival(sure, rival).amount)
+    only, other, none = sure * (1 - rival), rival * (1 - sure), (1 - sure) * (1 - rival)
+    assert left == pytest.approx(only / (only + other + none))
+
+
+def test_a_short_branch_that_is_left_out_is_doubted():
+    rope = draw((-0.14, 0.0), (0.14, 0.0))
+    whole = look([rope], [RADIUS])
+    short = look([rope, draw((0.0, 0.0), (0.004, 0.0135))], [RADIUS, RADIUS])
+    assert len(whole.chains) == 1
+    assert whole.confidence > 0.9
+    if len(short.chains) == 1:
+        assert "left out" in {doubt.kind for doubt in short.doubts}
+    assert short.confidence < 0.9
+
+
+def test_views_along_a_table_are_doubted():
+    made = harness("tree", seed=2, views=1)
+    flat, steep = (look([*made.truth], list(made.radii), elevation) for elevation in (0.15, 1.1))
+    (doubt,) = (doubt for doubt in flat.doubts if doubt.kind == "view")
+    assert "look along the table" in str(doubt)
+    assert flat.confidence < 0.9
+    assert "view" not in {doubt.kind for doubt in steep.doubts}
