@@ -36,13 +36,12 @@ _BESIDE = 2.3  # distance of these turns at most, sums of their radii
 _STEP = 0.25  # radii: distance of the places where ties are sought
 
 
-def find_alone(observed: Observed, drawn: SurfaceMap, config: Config, run: Run) -> list[Strand] | None:
-    """Return the ropes as strands without junctions; None if they may branch, or are not sure.
+def trace_ropes(observed: Observed, config: Config, run: Run) -> list[Chain]:
+    """Return the chains of tubes in a few of the views; none if they are not sure.
 
     Parameters
     ----------
     observed : Observed
-    drawn : SurfaceMap
     config : Config
     run : Run
         Its warnings stay as they are.
@@ -50,11 +49,16 @@ def find_alone(observed: Observed, drawn: SurfaceMap, config: Config, run: Run) 
     try:
         found = find_chains(_take_few(observed), config, run.fork())
     except NotEnoughDataError:
-        return None
-    chains, up = found.chains, drawn.frame[:, 2]
+        return []
     # how far an end reaches is no question of branches
     doubts = [doubt for doubt in found.doubts or () if doubt.kind != "end"]
-    if compute_trust(doubts) < _MIN_TRUST or _meet(chains, up) or _turn_apart(chains):
+    return list(found.chains) if compute_trust(doubts) >= _MIN_TRUST else []
+
+
+def find_alone(chains: Sequence[Chain], drawn: SurfaceMap) -> list[Strand] | None:
+    """Return the chains of `trace_ropes` as strands without junctions; None if they may branch."""
+    up = drawn.frame[:, 2]
+    if not chains or _meet(chains, up) or _turn_apart(chains):
         return None
     least = _LEVEL * 2.0 * min(chain.radius for chain in chains)
     if any(abs(crossing.height) < least for crossing in find_crossings(chains, up, ())):

@@ -37,7 +37,7 @@ from strand.ropes.model import Model
 from strand.support.checks import Array
 
 _SAME_PLACE = 6.0  # distance of nodes of two looks that are one at most, radii
-_SURE = 0.9  # confidence above which no other look is taken
+_SURE = 0.8  # confidence above which no other look is taken
 _NO_BUNDLES = 0.1  # doubt of strands that are no bundles of the given wire
 _FLAT = 0.12  # doubt of a harness with wires that lie side by side
 _UNEQUAL = 0.1  # doubt of a junction at which wires do not add up

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.config import Config
-from strand.reconstruction.harness.alone import find_alone
+from strand.reconstruction.harness.alone import find_alone, trace_ropes
 from strand.reconstruction.harness.ground import Ground, find_ground
 from strand.reconstruction.harness.groups import list_layouts
 from strand.reconstruction.harness.joint_fit import Fitted, fit_harness
@@ -29,6 +30,7 @@ from strand.reconstruction.harness.wires import choose_radii, list_bundles
 from strand.reconstruction.stages import Observed, Run
 from strand.reconstruction.tubes.clouds import Clouds
 from strand.reconstruction.wide_surfaces import describe_surface
+from strand.ropes.chain import Chain
 from strand.ropes.netlist import Netlist
 from strand.support.checks import Array
 
@@ -100,14 +102,18 @@ def find_harnesses(
     radii = (float(observed.radii.values.min()), float(observed.radii.values.max()))
     with run.stage("register"):
         ground = find_ground(observed, radii)
-    yield _look(ground, ground.up, observed, config, run, wire, net)
+    ropes = cache(lambda: trace_ropes(observed, config, run))
+    first = _look(ground, ground.up, observed, ropes, config, run, wire, net)
+    yield first
+    if first.traced:
+        return
     ways = ground.viewpoints - np.concatenate(ground.clouds).mean(axis=0)
     toward = (ways / np.linalg.norm(ways, axis=1, keepdims=True)).sum(axis=0)
     toward /= np.linalg.norm(toward)
     if not _LEAST_COSINE < float(toward @ ground.up) < _SAME_COSINE or run.skips(SECOND_LOOK):
         return
     try:
-        yield _look(ground, toward, observed, config, run, wire, net)
+        yield _look(ground, toward, observed, ropes, config, run, wire, net)
     except NotEnoughDataError:
         return
 
@@ -116,12 +122,13 @@ def _look(
     ground: Ground,
     toward: Array,
     observed: Observed,
+    ropes: Callable[[], list[Chain]],
     config: Config,
     run: Run,
     wire: float | None,
     net: Netlist | None,
 ) -> FoundHarness:
-    """Return the graph as it looks against a unit vector."""
+    """Return the graph as it looks against a unit vector; `ropes` returns the chains of tubes."""
     given = None if observed.radii.free or observed.radii.held else observed.radii.values
     bundles = None if wire is None else list_bundles(wire)
     possible = given if given is not None else bundles
@@ -154,7 +161,7 @@ def _look(
             and net is None
             and not _are_bundles(strands, len(places), given)
         )
-        alone = find_alone(observed, drawn, config, run) if ask else None
+        alone = find_alone(ropes(), drawn) if ask else None
         if alone is not None:
             strands, places = [reach_edges(strand, drawn) for strand in alone], np.zeros((0, 3))
         strands = drop_collapsed(strands)
