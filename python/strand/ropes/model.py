@@ -478,8 +478,8 @@ class Model:
         way. An end that is pulled out counts twice, a strand that is lifted over an end three times. The
         length of an end without room to lie straight is added eight times.
 
-        This takes apart loose open ropes. Of rings only loops are lifted, and ends at junctions stay. How
-        much a tight knot resists is unknown.
+        This takes apart loose open ropes. Rings lose loops alone, and ends at junctions stay. How much a
+        tight knot resists is unknown.
 
         Parameters
         ----------

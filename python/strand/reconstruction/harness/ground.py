@@ -52,6 +52,12 @@ class Ground:
     up: Array
     table: Plane | None
 
+    @property
+    def ways(self) -> Array:
+        """(V, 3) Unit vectors from the middle of the ropes' points to each camera."""
+        ways = self.viewpoints - np.concatenate(self.clouds).mean(axis=0)
+        return np.asarray(ways / np.linalg.norm(ways, axis=1, keepdims=True))
+
 
 def find_ground(observed: Observed, radii: tuple[float, float]) -> Ground:
     """Bring the views' points into one frame; `radii` are the least and the greatest, metres."""

@@ -22,18 +22,37 @@ _STUB_DOUBT = 0.15  # doubt of each
 
 
 def is_same_graph(some: Graph, other: Graph, reach: float) -> bool:
-    """Tell whether two graphs have the same nodes, within a reach, metres, and the same edges."""
+    """Tell whether two graphs have the same nodes, within a reach, metres, and the same edges.
+
+    A ring without a junction has its node anywhere, so that only the number of such rings counts.
+    """
     if len(some.places) != len(other.places) or len(some.pairs) != len(other.pairs):
         return False
-    away = np.linalg.norm(some.places[:, None] - other.places, axis=2)
-    named = away.argmin(axis=1)
-    if len(set(named.tolist())) < len(named) or float(away.min(axis=1).max()) > reach:
+    own, others = (_list_nodes_off_rings(graph) for graph in (some, other))
+    if len(own) != len(others):
+        return False
+    names: dict[int, int] = {}
+    for node in own:
+        away = np.linalg.norm(other.places[others] - some.places[node], axis=1)
+        names[node] = others[int(away.argmin())]
+        if away.min() > reach:
+            return False
+    if len(set(names.values())) < len(names):
         return False
     edges = [
         sorted(tuple(sorted(pair)) for pair in pairs)
-        for pairs in ([(int(named[a]), int(named[b])) for a, b in some.pairs], other.pairs)
+        for pairs in (
+            [(names[a], names[b]) for a, b in some.pairs if a in names],
+            [pair for pair in other.pairs if pair[0] in others],
+        )
     ]
     return edges[0] == edges[1]
+
+
+def _list_nodes_off_rings(graph: Graph) -> list[int]:
+    """Return the nodes but those of rings without a junction."""
+    rings = {start for start, stop in graph.pairs if start == stop and graph.degrees[start] == 2}
+    return [node for node in range(len(graph.places)) if node not in rings]
 
 
 def doubt_by_rival(sure: float, rival: float) -> Doubt:
@@ -55,8 +74,7 @@ def doubt_by_rival(sure: float, rival: float) -> Doubt:
 
 def doubt_grazing_views(ground: Ground) -> Iterator[Doubt]:
     """Doubt a harness that all views see along the table."""
-    ways = ground.viewpoints - np.concatenate(ground.clouds).mean(axis=0)
-    steepest = float((ways @ ground.up / np.linalg.norm(ways, axis=1)).max())
+    steepest = float((ground.ways @ ground.up).max())
     if steepest < _GRAZING:
         degrees = math.degrees(math.asin(max(steepest, 0.0)))
         reason = f"all views look along the table, the steepest at {degrees:.0f} degrees"

@@ -107,8 +107,7 @@ def find_harnesses(
     yield first
     if first.traced:
         return
-    ways = ground.viewpoints - np.concatenate(ground.clouds).mean(axis=0)
-    toward = (ways / np.linalg.norm(ways, axis=1, keepdims=True)).sum(axis=0)
+    toward = ground.ways.sum(axis=0)
     toward /= np.linalg.norm(toward)
     if not _LEAST_COSINE < float(toward @ ground.up) < _SAME_COSINE or run.skips(SECOND_LOOK):
         return

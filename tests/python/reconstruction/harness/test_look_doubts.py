@@ -48,6 +48,20 @@ def test_graphs_are_the_same_in_any_order_and_near_enough():
     assert not is_same_graph(graph, make_graph(PLACES[:3], PAIRS[:2]), 0.01)
 
 
+def test_the_node_of_a_ring_has_no_place_of_its_own():
+    # the ring's node is 4
+    graph = make_graph([*PLACES, [0.5, 0.0, 0.0]], [*PAIRS, (4, 4)])
+    assert is_same_graph(graph, make_graph([*PLACES, [0.5, 0.3, 0.0]], [*PAIRS, (4, 4)]), 0.01)
+    assert not is_same_graph(graph, make_graph([*PLACES, [0.5, 0.0, 0.0]], [*PAIRS, (0, 4)]), 0.01)
+    alone = [make_graph([[x, 0.0, 0.0]], [(0, 0)]) for x in (0.0, 0.3)]
+    assert is_same_graph(*alone, 0.01)
+    angle = np.linspace(0.0, 2.0 * np.pi, 200)
+    ring = np.column_stack([0.08 * np.cos(angle), 0.06 * np.sin(angle), np.full(200, RADIUS)])
+    model = look([ring], [RADIUS])
+    assert [chain.closed for chain in model.chains] == [True]
+    assert model.confidence > 0.9
+
+
 @pytest.mark.parametrize(("sure", "rival"), [(0.97, 0.6), (0.86, 0.6), (0.5, 0.5), (0.9, 0.0)])
 def test_a_rival_leaves_the_share_that_bayes_says(sure, rival):
     left = sure * math.exp(-doubt_by_rival(sure, rival).amount)
