@@ -68,6 +68,7 @@ DEPTH[MASK] = 0.495
 EYE = np.eye(4)
 CAMERA = ((200.0, 200.0), (32.0, 24.0))
 IMAGES = _core.RopeImages([DEPTH], [MASK], [CAMERA], [EYE], 0.005)
+ROPE_MASK = _core.RopeMask(MASK)
 SEEN = _core.Visibility([TUBE], [TUBE], [EYE])
 FIT = strand.fit_tubes([TUBE], [[0.1, 0.0, 9.0]], [NODES], [EYE], 0.005, pose_sd=(0.01, 0.01), reference=0)
 K = np.array([[200.0, 0, 32.0], [0, 200.0, 24.0], [0, 0, 1.0]])
@@ -161,9 +162,10 @@ CALLS: dict[str, tuple[Callable, tuple, dict]] = {
     "number_blobs": (_core.number_blobs, (MASK,), {}),
     "measure_edge_distances": (_core.measure_edge_distances, (MASK, 40), {}),
     "find_short_outlines": (_core.find_short_outlines, (DEPTH.astype(np.float32) - 0.5, [1.0], 3), {}),
-    "estimate_mask_radius": (_core.estimate_mask_radius, (MASK,), {}),
+    "RopeMask": (_core.RopeMask, (MASK,), {}),
+    "mask.estimate_radius": (ROPE_MASK.estimate_radius, (), {}),
     "trace_skeleton": (_core.trace_skeleton, (MASK,), {}),
-    "measure_strands": (_core.measure_strands, (MASK, 5.0), {}),
+    "mask.measure_strands": (ROPE_MASK.measure_strands, (5.0,), {}),
     "RopeImages": (_core.RopeImages, ([DEPTH], [MASK], [CAMERA], [EYE], 0.005), {}),
     "images.find_readings": (IMAGES.find_readings, (1, 2, [0]), {}),
     "images.price_reading": (IMAGES.price_reading, (0, [np.array([[4.0, 24.0], [60.0, 24.0]])]), {}),
@@ -285,7 +287,7 @@ def list_allowed(name: str) -> tuple[type[Exception], ...]:
     """Return what a call may raise."""
     function = CALLS[name][0]
     owner, short = getattr(function, "__self__", None), function.__name__
-    private = isinstance(owner, (_core.RopeImages, _core.Visibility)) or (
+    private = isinstance(owner, (_core.RopeImages, _core.RopeMask, _core.Visibility)) or (
         hasattr(_core, short) and not hasattr(strand, short)
     )
     return (*ALLOWED, *(ALLOWED_PRIVATE if private else ()))

@@ -9,16 +9,15 @@ from typing_extensions import Unpack
 
 # fmt: off
 __all__ = [
-    "EndObservation", "IcpResult", "ImageFit", "NotEnoughDataError", "RopeImages", "StrandError", "TubeFit",
-    "TubeQueries", "Visibility", "__version__", "bridge", "centerline", "convert_to_lab", "convolved",
-    "copy_constant", "copy_depth", "count_cores", "count_mask_parts", "count_neighbors",
+    "EndObservation", "IcpResult", "ImageFit", "NotEnoughDataError", "RopeImages", "RopeMask", "StrandError",
+    "TubeFit", "TubeQueries", "Visibility", "__version__", "bridge", "centerline", "convert_to_lab",
+    "convolved", "copy_constant", "copy_depth", "count_cores", "count_mask_parts", "count_neighbors",
     "count_neighbors_each", "count_typical_neighbors", "count_voxels", "crop_images", "crop_points",
-    "draw_knot", "draw_ropes", "end_direction", "estimate_mask_radius", "estimate_normals",
-    "estimate_normals_each", "estimate_radii", "evaluate_spline", "find_color_pieces",
-    "find_crossed_segments", "find_extents", "find_fullest_plane", "find_linking_number", "find_nearest",
-    "find_order_probability", "find_overlaps", "find_short_outlines", "find_squared_distances",
-    "find_standing", "fit_spline", "fit_tubes", "icp", "identify_knot", "measure_behind", "measure_bending",
-    "measure_depth_bends", "measure_edge_distances", "measure_heights", "measure_strands",
+    "draw_knot", "draw_ropes", "end_direction", "estimate_normals", "estimate_normals_each", "estimate_radii",
+    "evaluate_spline", "find_color_pieces", "find_crossed_segments", "find_extents", "find_fullest_plane",
+    "find_linking_number", "find_nearest", "find_order_probability", "find_overlaps", "find_short_outlines",
+    "find_squared_distances", "find_standing", "fit_spline", "fit_tubes", "icp", "identify_knot",
+    "measure_behind", "measure_bending", "measure_depth_bends", "measure_edge_distances", "measure_heights",
     "measure_variances", "num_threads", "number_blobs", "occludes", "path_length", "price_join",
     "radius_outlier_mask", "register_in_turn", "set_num_threads", "straighten", "tabulate_arc_length",
     "trace_chains", "trace_skeleton", "trace_tubes", "track_frame", "unproject",
@@ -251,6 +250,12 @@ class ImageFit:
     def crossings(self) -> list[tuple[list[float], float]]: ...
 
 @final
+class RopeMask:
+    def __new__(cls, mask: _Bools) -> RopeMask: ...
+    def estimate_radius(self) -> float | None: ...
+    def measure_strands(self, radius_px: float) -> tuple[float, list[_Floats]] | None: ...
+
+@final
 class RopeImages:
     def __new__(
         cls,
@@ -410,9 +415,7 @@ def measure_edge_distances(mask: _Bools, most: SupportsIndex) -> NDArray[np.floa
 def find_short_outlines(
     evidence: NDArray[np.float32], weights: Sequence[float], steps: SupportsIndex
 ) -> list[_Bools]: ...
-def estimate_mask_radius(mask: _Bools) -> float | None: ...
 def trace_skeleton(mask: _Bools) -> tuple[_Floats, list[tuple[_Ints, tuple[int, int]]]]: ...
-def measure_strands(mask: _Bools, radius_px: float) -> tuple[float, list[_Floats]] | None: ...
 def track_frame(
     cameras: Sequence[_TrackedCamera],
     ropes: Sequence[_TrackedRope],

@@ -4,6 +4,8 @@
 //! the rope's radius in space.
 
 pub mod color;
+pub mod distances;
+mod field;
 pub mod heights;
 pub mod image;
 pub mod imagefit;
@@ -13,7 +15,9 @@ pub mod parts;
 pub mod planes;
 pub mod readings;
 mod relief;
+pub mod rope_mask;
 pub mod silhouette;
+pub mod strokes;
 pub mod surroundings;
 #[cfg(test)]
 mod tests;

@@ -216,9 +216,14 @@ pub(crate) fn both<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnc
     run(|| rayon::join(a, b))
 }
 
+/// Returns the number of an image's rows that one task of [`rows`] works on.
+pub(crate) fn count_rows(width: usize) -> usize {
+    (VALUES_PER_TASK / width.max(1)).max(MIN_ROWS_PER_TASK)
+}
+
 /// Works on stretches of an image's rows in parallel; `work` gets the number of the first row and the values.
 pub(crate) fn rows<T: Send>(values: &mut [T], width: usize, work: impl Fn(usize, &mut [T]) + Sync + Send) {
-    let many = (VALUES_PER_TASK / width.max(1)).max(MIN_ROWS_PER_TASK);
+    let many = count_rows(width);
     let stretches = values.par_chunks_mut(many * width.max(1)).enumerate();
     run(|| {
         stretches.for_each(|(k, part)| {

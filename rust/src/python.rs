@@ -84,6 +84,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<icp::IcpResult>()?;
     module.add_class::<image_fit::ImageFit>()?;
     module.add_class::<images::RopeImages>()?;
+    module.add_class::<masks::RopeMask>()?;
     module.add_class::<visibility::Visibility>()?;
     module.add_class::<queries::TubeQueries>()?;
     module.add_function(wrap_pyfunction!(views::copy_depth, module)?)?;
@@ -132,8 +133,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(masks::number_blobs, module)?)?;
     module.add_function(wrap_pyfunction!(masks::measure_edge_distances, module)?)?;
     module.add_function(wrap_pyfunction!(masks::find_short_outlines, module)?)?;
-    module.add_function(wrap_pyfunction!(masks::estimate_mask_radius, module)?)?;
-    module.add_function(wrap_pyfunction!(masks::measure_strands, module)?)?;
     module.add_function(wrap_pyfunction!(masks::trace_skeleton, module)?)?;
     module.add_function(wrap_pyfunction!(heights::measure_heights, module)?)?;
     module.add_function(wrap_pyfunction!(heights::find_standing, module)?)?;

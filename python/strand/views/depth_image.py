@@ -78,9 +78,14 @@ class DepthImage:
         return float(np.median(depths)) if len(depths) else float("nan")
 
     @lazy_property
+    def rope_mask(self) -> _core.RopeMask:
+        """The ropes' pixels as kernels measure their radius."""
+        return _core.RopeMask(self.mask)
+
+    @lazy_property
     def mask_radius(self) -> float | None:
         """The ropes' radius in the image by the widths of the mask, pixels; None if it shows no rope."""
-        return _core.estimate_mask_radius(self.mask)
+        return self.rope_mask.estimate_radius()
 
     def frame_mask(self, margin: int) -> tuple[slice, slice]:
         """Return the rows and columns at most `margin` pixels around the mask, which is not empty."""

@@ -6,7 +6,7 @@ use crate::checks::check_positive;
 use crate::geometry::dot;
 use crate::images::imagefit::{self, ImageFitOptions, OnChain, Plane, Prepared, Sensor};
 use crate::images::readings::{self, find_readings};
-use crate::images::silhouette::Silhouette;
+use crate::images::rope_mask::RopeMask;
 
 const MAX_LENGTH: f64 = 1e5; // length of a polyline that the bindings accept, pixels
 
@@ -14,7 +14,7 @@ pub fn read_masks(mut bytes: Bytes<'_>) {
     let scene = Scene::new(&mut bytes);
     let (ropes, most, odd) = (bytes.below(4), 1 + bytes.below(3), bytes.below(8) == 0);
     let [width, _] = scene.size;
-    if let Some(shown) = Silhouette::shown_radius(&scene.mask, width) {
+    if let Some(shown) = RopeMask::new(&scene.mask, width).estimate_radius() {
         assert!(shown > 0.0 && shown.is_finite());
     }
     let radius = if odd { bytes.length() } else { scene.radius() };

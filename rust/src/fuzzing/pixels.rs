@@ -9,8 +9,9 @@ use crate::images::color::drawing::draw_ropes;
 use crate::images::color::lab::convert_to_lab;
 use crate::images::color::pieces::find_pieces;
 use crate::images::color::strips::{StripOptions, find_strips};
+use crate::images::distances::measure_distances;
 use crate::images::heights::{DepthPixels, Standing, find_standing, measure_heights};
-use crate::images::image::{Image, find_blobs, measure_distances};
+use crate::images::image::{Image, find_blobs};
 use crate::images::outline::find_short_outline;
 
 pub fn read_images(mut bytes: Bytes<'_>) {

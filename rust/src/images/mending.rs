@@ -1,7 +1,8 @@
 //! Repair of ragged masks by depth: pieces that a segmenter lost, and background that it added.
 
 use crate::geometry::median::upper_median;
-use crate::images::image::{Blobs, Image, find_blobs, measure_distances};
+use crate::images::distances::measure_distances;
+use crate::images::image::{Blobs, Image, find_blobs};
 use crate::images::silhouette::Silhouette;
 use crate::images::surroundings::Surroundings;
 

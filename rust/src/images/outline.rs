@@ -1,6 +1,7 @@
 //! Segmentation of noisy images by their pixels and the length of the outline.
 
 use crate::images::image::Image;
+use crate::simd::kernel;
 
 const STEP: f32 = 0.353_553_4; // step size of both updates: the norm of the differences is at most √8
 
@@ -14,49 +15,58 @@ pub fn find_short_outline(evidence: &Image<f32>, weight: f32, steps: usize) -> I
     if w * h == 0 {
         return Image::filled(w, h, false);
     }
-    let mut values = vec![0.0f32; w * h];
-    let mut ahead = values.clone();
-    // the dual: a flow out of each pixel to the right and one down, at most `weight` long
-    let (mut right, mut down) = (values.clone(), values.clone());
-    let beyond = vec![0.0f32; w];
-    for _ in 0..steps {
-        crate::parallel::go_on();
-        for y in 0..h {
-            let row = y * w..(y + 1) * w;
-            let here = &ahead[row.clone()];
-            let below = if y + 1 < h { &ahead[(y + 1) * w..(y + 2) * w] } else { here };
-            let (right, down) = (&mut right[row.clone()], &mut down[row]);
-            let shrink = |a: f32, b: f32| weight / (a * a + b * b).sqrt().max(weight);
-            for x in 0..w - 1 {
-                let a = right[x] + STEP * (here[x + 1] - here[x]);
-                let b = down[x] + STEP * (below[x] - here[x]);
-                let shrunk = shrink(a, b);
-                right[x] = a * shrunk;
-                down[x] = b * shrunk;
-            }
-            // values beyond the border equal those on it
-            let b = down[w - 1] + STEP * (below[w - 1] - here[w - 1]);
-            down[w - 1] = b * shrink(0.0, b);
-        }
-        for y in 0..h {
-            let row = y * w..(y + 1) * w;
-            let up = if y > 0 { &down[(y - 1) * w..y * w] } else { &beyond };
-            let (right, down, evidence) =
-                (&right[row.clone()], &down[row.clone()], &evidence.values[row.clone()]);
-            let (values, ahead) = (&mut values[row.clone()], &mut ahead[row]);
-            let mut step = |x: usize, left: f32| {
-                let spread = right[x] - left + down[x] - up[x];
-                let value = (values[x] + STEP * (spread - evidence[x])).clamp(0.0, 1.0);
-                ahead[x] = 2.0 * value - values[x];
-                values[x] = value;
-            };
-            step(0, 0.0);
-            for x in 1..w {
-                step(x, right[x - 1]);
-            }
-        }
-    }
+    let values = relax(evidence, weight, steps);
     Image { width: w, height: h, values: values.into_iter().map(|v| v > 0.5).collect() }
+}
+
+kernel! {
+    /// Solves the relaxed problem: a value from 0 to 1 for each pixel.
+    fn relax<S>(_, evidence: &Image<f32>, weight: f32, steps: usize) -> Vec<f32> {
+        let (w, h) = (evidence.width, evidence.height);
+        let mut values = vec![0.0f32; w * h];
+        let mut ahead = values.clone();
+        // the dual: a flow out of each pixel to the right and one down, at most `weight` long
+        let (mut right, mut down) = (values.clone(), values.clone());
+        let beyond = vec![0.0f32; w];
+        for _ in 0..steps {
+            crate::parallel::go_on();
+            for y in 0..h {
+                let row = y * w..(y + 1) * w;
+                let here = &ahead[row.clone()];
+                let below = if y + 1 < h { &ahead[(y + 1) * w..(y + 2) * w] } else { here };
+                let (right, down) = (&mut right[row.clone()], &mut down[row]);
+                let shrink = |a: f32, b: f32| weight / (a * a + b * b).sqrt().max(weight);
+                for x in 0..w - 1 {
+                    let a = right[x] + STEP * (here[x + 1] - here[x]);
+                    let b = down[x] + STEP * (below[x] - here[x]);
+                    let shrunk = shrink(a, b);
+                    right[x] = a * shrunk;
+                    down[x] = b * shrunk;
+                }
+                // values beyond the border equal those on it
+                let b = down[w - 1] + STEP * (below[w - 1] - here[w - 1]);
+                down[w - 1] = b * shrink(0.0, b);
+            }
+            for y in 0..h {
+                let row = y * w..(y + 1) * w;
+                let up = if y > 0 { &down[(y - 1) * w..y * w] } else { &beyond };
+                let (right, down, evidence) =
+                    (&right[row.clone()], &down[row.clone()], &evidence.values[row.clone()]);
+                let (values, ahead) = (&mut values[row.clone()], &mut ahead[row]);
+                let mut step = |x: usize, left: f32| {
+                    let spread = right[x] - left + down[x] - up[x];
+                    let value = (values[x] + STEP * (spread - evidence[x])).clamp(0.0, 1.0);
+                    ahead[x] = 2.0 * value - values[x];
+                    values[x] = value;
+                };
+                step(0, 0.0);
+                for x in 1..w {
+                    step(x, right[x - 1]);
+                }
+            }
+        }
+        values
+    }
 }
 
 #[cfg(test)]

@@ -2,9 +2,13 @@
 //!
 //! All of this is lateral evidence: where the rope is in the image, to a fraction of a pixel, independent of depth.
 
-use crate::images::image::{Blobs, Image, Run, find_blobs, measure_distances};
+use std::ops::Range;
+
+use crate::images::distances::Columns;
+use crate::images::field::{Field, Tiles};
+use crate::images::image::{Image, smoothing_kernel};
+use crate::images::strokes::{Filled, Strokes, find_scale, measure_shown_radius};
 use crate::images::surroundings::{Ropes, Shown, Surroundings};
-use crate::images::thinning::find_skeleton;
 use crate::parallel;
 
 /// A place on the edge of a mask.
@@ -18,66 +22,43 @@ pub struct Edge {
     pub weight: f64,
 }
 
-/// A mask, magnified, without specks and small holes, and the middles of its strands.
-#[derive(Debug, Clone)]
-pub struct Strokes {
-    /// The mask, magnified.
-    pub(crate) inside: Image<bool>,
-    /// Its skeleton: indices into the magnified image.
-    pub(crate) skeleton: Vec<usize>,
-    /// Distance inside the magnified mask from its edge, original pixels; 0 outside.
-    pub(crate) depth: Image<f32>,
-    /// The magnification.
-    pub(crate) scale: usize,
-    /// Original column and row of the magnified image's corner.
-    origin: [f64; 2],
-}
-
-impl Strokes {
-    /// Prepares the mask of an image of `width` columns; None if it is empty without specks.
-    pub fn new(mask: &[bool], width: usize, radius_px: f64, scale: usize) -> Option<Self> {
-        let Filled { inside, origin, .. } = Filled::new(mask, width, radius_px, scale)?;
-        let (skeleton, depth) = trace_strands(&inside, scale);
-        Some(Self { inside, skeleton, depth, scale, origin })
-    }
-
-    /// Returns the original column and row of a pixel of the magnified image.
-    #[inline(always)]
-    pub(crate) fn original(&self, x: usize, y: usize) -> [f64; 2] {
-        let scale = self.scale as f64;
-        [(x as f64 + 0.5) / scale - 0.5 + self.origin[0], (y as f64 + 0.5) / scale - 0.5 + self.origin[1]]
-    }
-}
-
-/// A mask, magnified, without specks and small holes.
-struct Filled {
-    inside: Image<bool>,
-    origin: [f64; 2],
-    ragged: f64,
-}
-
-impl Filled {
-    fn new(mask: &[bool], width: usize, radius_px: f64, scale: usize) -> Option<Self> {
-        let (origin, small, ragged) = remove_specks(mask, width, radius_px * radius_px)?;
-        let mut inside =
-            small.smoothed(SMOOTHING + ragged * RAGGED_SMOOTHING * radius_px).magnified(scale, 0.5);
-        let area = radius_px * radius_px * (scale * scale) as f64;
-        let filled = (MAX_HOLE + ragged * RAGGED_HOLE) * area;
-        inside.fill_holes(|size| (size as f64) < filled);
-        inside.turn_blobs(true, true, |size| (size as f64) < MAX_SPECK * area);
-        inside.values.contains(&true).then_some(Self { inside, origin, ragged })
-    }
-}
-
-/// Returns the skeleton of a magnified mask, and the distance of its pixels from the edge, original pixels.
-fn trace_strands(inside: &Image<bool>, scale: usize) -> (Vec<usize>, Image<f32>) {
-    let (skeleton, mut depth) =
-        parallel::both(|| find_skeleton(inside), || measure_distances(inside, true, inside.height));
-    for inner in &mut depth.values {
-        // the edge runs between the pixels
-        *inner = (*inner - 0.5).max(0.0) / scale as f32;
-    }
-    (skeleton, depth)
+/// Returns the signed distance of a magnified mask's pixels from its edge, positive inside, original pixels, and the same
+/// slightly smoothed, for gradients. Distances outside are exact up to `reach` pixels, and known up to `KNOWN` times that.
+fn measure_signed(filled: &Filled, reach: usize) -> [Field; 2] {
+    let (inside, scale) = (&filled.inside, filled.scale as f32);
+    let (w, h) = (inside.width, inside.height);
+    let kernel = smoothing_kernel(1.0);
+    let rows = Field::list_rows(h, parallel::count_rows(w));
+    let halo = kernel.len() - 1;
+    let bands: Vec<Range<usize>> =
+        rows.iter().map(|rows| rows.start.saturating_sub(halo)..(rows.end + 1 + halo).min(h)).collect();
+    let (inner, outer) = parallel::both(
+        || Columns::new(inside, true, h, &bands),
+        || Columns::new(inside, false, reach, &bands),
+    );
+    let least = -KNOWN * reach as f32 / scale;
+    let numbers: Vec<usize> = (0..rows.len()).collect();
+    let tiles = parallel::map(&numbers, |&k| {
+        let (rows, band) = (rows[k].clone(), &bands[k]);
+        let mut signed = vec![0.0; band.len() * w];
+        let mut outside = vec![0.0; band.len() * w];
+        inner.measure(k, &mut signed);
+        outer.measure(k, &mut outside);
+        for (value, outside) in signed.iter_mut().zip(outside) {
+            // the edge runs between the pixels
+            let inner = (*value - 0.5).max(0.0) / scale;
+            *value = if inner > 0.0 { inner } else { (0.5 - outside) / scale };
+        }
+        let (first, more) = (rows.start - band.start, (rows.end + 1).min(h) - rows.start);
+        let signed = Image { width: w, height: band.len(), values: signed };
+        let mut smooth = vec![0.0; more * w];
+        signed.convolve_rows(&kernel, first, &mut smooth);
+        let signed = &signed.values[first * w..(first + more) * w];
+        let chosen = Tiles::choose(signed, w, rows.clone(), least);
+        [Tiles::new(signed, w, rows.clone(), chosen.clone()), Tiles::new(&smooth, w, rows, chosen)]
+    });
+    let (signed, smooth): (Vec<Tiles>, Vec<Tiles>) = tiles.into_iter().map(|[a, b]| (a, b)).unzip();
+    [signed, smooth].map(|tiles| Field::new([w, h], tiles, least))
 }
 
 /// A mask with the distances from its edge. Columns and rows are those of the original image.
@@ -93,9 +74,9 @@ pub struct Silhouette {
     pub(crate) mask: Image<bool>,
     pub(crate) strokes: Strokes,
     /// Signed distance, positive inside, original pixels.
-    signed: Image<f32>,
+    signed: Field,
     /// The signed distance, slightly smoothed, for gradients.
-    smooth: Image<f32>,
+    smooth: Field,
     /// Raggedness of the mask, 0 to 1.
     pub ragged: f64,
     /// The depth beside it, if known.
@@ -103,13 +84,7 @@ pub struct Silhouette {
 }
 
 const EXACT: f64 = 5.0; // distances outside the mask are exact up to this and 4 pixels, image radii
-const PAD: usize = 6; // margin around the mask, pixels
-const MAX_SPECK: f64 = 3.0; // smaller blobs of mask are removed, squared image radii
-const MAX_HOLE: f64 = 0.25; // smaller holes are filled, squared image radii
-const RAGGED_HOLE: f64 = 1.0; // the same for the most ragged mask, in addition, squared image radii
-const SMOOTHING: f64 = 0.6; // standard deviation of the smoothing, pixels
-const RAGGED_SMOOTHING: f64 = 0.3; // the same for the most ragged mask, in addition, image radii
-const MIN_HOLE: usize = 4; // pixels of a hole in a ragged mask at least
+const KNOWN: f32 = 4.0; // times as far: farther places outside the mask count as this far
 const MAX_SHRUNK: f64 = 0.7; // distance by which masks are too narrow at most, pixels
 const MAX_GROWN: f64 = 2.0; // distance by which masks are too wide at most, pixels
 const MAX_GROWN_WIDE: f64 = 1.0; // the same for masks that may show two ropes side by side, pixels
@@ -117,7 +92,6 @@ const SIDE_BY_SIDE: f64 = 1.6; // masks wider than this may show two ropes side 
 /// The mask shows something else if it is more than this too narrow, or by the second more than allowed too wide,
 /// pixels.
 const OTHER: [f64; 2] = [1.5, 0.5];
-const RAGGED: f64 = 0.04; // share of specks and holes in the most ragged mask
 
 impl Silhouette {
     /// Prepares the mask of an image of `width` columns; None if it is empty without specks.
@@ -125,25 +99,20 @@ impl Silhouette {
     /// Specks are removed and small holes filled. A mask with many of both is ragged: its edge is smoothed more, and
     /// larger holes are filled.
     pub fn new(mask: &[bool], width: usize, radius_px: f64, scale: usize) -> Option<Self> {
-        let Filled { inside, origin, ragged } = Filled::new(mask, width, radius_px, scale)?;
-        let (w, h) = (inside.width / scale, inside.height / scale);
+        let filled = Filled::new(mask, width, radius_px, scale)?;
+        let [w, h] = [filled.inside.width / scale, filled.inside.height / scale];
         let reach = ((EXACT * radius_px + 4.0) * scale as f64).ceil() as usize;
-        let ((skeleton, depth), mut signed) =
-            parallel::both(|| trace_strands(&inside, scale), || measure_distances(&inside, false, reach));
-        for (outer, &inner) in signed.values.iter_mut().zip(&depth.values) {
-            *outer = if inner > 0.0 { inner } else { (0.5 - *outer) / scale as f32 };
-        }
-        let smooth = signed.smoothed(1.0);
-        let (boundary, mask) = (Vec::new(), Image::filled(w, h, false));
+        let (strokes, [signed, smooth]) =
+            parallel::both(|| Strokes::new(&filled), || measure_signed(&filled, reach));
         let mut made = Self {
             radius_px,
             shown_px: radius_px,
-            boundary,
-            mask,
-            strokes: Strokes { inside, skeleton, depth, scale, origin },
+            boundary: Vec::new(),
+            mask: Image::filled(w, h, false),
+            strokes,
             signed,
             smooth,
-            ragged,
+            ragged: filled.ragged,
             surroundings: None,
         };
         made.mask.values = (0..w * h).map(|k| made.pixel_distance(k % w, k / w) > 0.0).collect();
@@ -157,7 +126,7 @@ impl Silhouette {
     /// strands side by side.
     pub fn of_rope(mask: &[bool], width: usize, radius_px: f64) -> Option<Self> {
         let mut made = Self::new(mask, width, radius_px, find_scale(radius_px))?;
-        let shown = shown_radius(&made.strokes)?;
+        let shown = measure_shown_radius(&made.strokes)?;
         let more = shown - radius_px;
         let grown = if shown < SIDE_BY_SIDE * radius_px { MAX_GROWN } else { MAX_GROWN_WIDE };
         if more > -OTHER[0] && more < grown + OTHER[1] {
@@ -186,12 +155,6 @@ impl Silhouette {
             Some(surroundings) => surroundings.at(uv),
             None => Shown::Unknown,
         }
-    }
-
-    /// Estimates the rope's radius in the image from the mask alone, pixels.
-    pub fn shown_radius(mask: &[bool], width: usize) -> Option<f64> {
-        let rough = shown_radius(&Strokes::new(mask, width, 1.0, 1)?)?.max(0.5);
-        shown_radius(&Strokes::new(mask, width, rough, 2)?)
     }
 
     /// Projects the pixels near the edge onto it: one for each pixel of edge, or for each third of the radius of a
@@ -253,10 +216,7 @@ impl Silhouette {
 
     /// Original column and row of the first pixel of the frame, and its size.
     pub fn frame(&self) -> ([f64; 2], [usize; 2]) {
-        (
-            self.strokes.origin,
-            [self.strokes.inside.width / self.strokes.scale, self.strokes.inside.height / self.strokes.scale],
-        )
+        (self.strokes.origin, self.strokes.size.map(|n| n / self.strokes.scale))
     }
 
     /// Returns a place in the magnified image.
@@ -268,76 +228,6 @@ impl Silhouette {
             (uv[1] - self.strokes.origin[1] + 0.5) * scale - 0.5,
         ]
     }
-}
-
-/// Estimates the rope's radius in the image, pixels: the 30th percentile of the skeleton's distances from the edge.
-fn shown_radius(strokes: &Strokes) -> Option<f64> {
-    let mut widths: Vec<f32> = strokes.skeleton.iter().map(|&k| strokes.depth.values[k]).collect();
-    if widths.is_empty() {
-        return None;
-    }
-    let rank = (widths.len() - 1) * 3 / 10;
-    let (_, found, _) = widths.select_nth_unstable_by(rank, f32::total_cmp);
-    Some(f64::from(*found))
-}
-
-/// Returns the magnification of a mask of ropes of a radius, pixels.
-pub(crate) fn find_scale(radius_px: f64) -> usize {
-    match radius_px {
-        ..6.0 => 3,
-        ..10.0 => 2,
-        _ => 1,
-    }
-}
-
-/// Removes specks and cuts the mask to what remains, with a margin. Returns the corner's column and row, the mask, and
-/// how ragged it is, 0 to 1.
-fn remove_specks(mask: &[bool], width: usize, square: f64) -> Option<([f64; 2], Image<f32>, f64)> {
-    if width == 0 || mask.len() < width {
-        return None;
-    }
-    let whole = Image { width, height: mask.len() / width, values: mask.to_vec() };
-    let found = find_blobs(&whole, true, true);
-    let kept = |run: &Run| found.sizes[run.blob] as f64 >= MAX_SPECK * square;
-    let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
-    let mut counts = [0usize; 2];
-    for run in &found.runs {
-        counts[usize::from(kept(run))] += run.end - run.begin;
-        if kept(run) {
-            low = [low[0].min(run.begin), low[1].min(run.row)];
-            high = [high[0].max(run.end - 1), high[1].max(run.row)];
-        }
-    }
-    if low[0] == usize::MAX {
-        return None;
-    }
-    let (w, h) = (high[0] - low[0] + 1 + 2 * PAD, high[1] - low[1] + 1 + 2 * PAD);
-    let mut cut = Image::filled(w, h, false);
-    for run in found.runs.iter().filter(|run| kept(run)) {
-        let start = (run.row - low[1] + PAD) * w + PAD - low[0];
-        cut.values[start + run.begin..start + run.end].fill(true);
-    }
-    let holes = find_blobs(&cut, false, false);
-    let lost: usize = find_compact(&holes).filter(|&size| (size as f64) < square).sum();
-    let ragged = ((counts[0] + lost) as f64 / counts[1] as f64 / RAGGED).min(1.0);
-    let values = cut.values.iter().map(|&m| f32::from(u8::from(m))).collect();
-    let origin = [low[0] as f64 - PAD as f64, low[1] as f64 - PAD as f64];
-    Some((origin, Image { width: w, height: h, values }, ragged))
-}
-
-/// Returns the sizes of blobs that are about as wide as long. Narrow ones are gaps between strands, not holes that a
-/// segmenter left.
-fn find_compact(found: &Blobs) -> impl Iterator<Item = usize> {
-    let mut boxes = vec![[usize::MAX, 0, usize::MAX, 0]; found.sizes.len()];
-    for run in &found.runs {
-        let [left, right, top, bottom] = boxes[run.blob];
-        boxes[run.blob] =
-            [left.min(run.begin), right.max(run.end), top.min(run.row), bottom.max(run.row + 1)];
-    }
-    boxes.into_iter().zip(&found.sizes).filter_map(|([left, right, top, bottom], &size)| {
-        let long = (right - left).max(bottom - top);
-        (size >= MIN_HOLE && 2 * long * long <= 5 * size).then_some(size)
-    })
 }
 
 #[cfg(test)]

@@ -5,7 +5,8 @@
 
 use crate::clouds::depth::has_return;
 use crate::geometry::median::{MEDIAN_TO_SD, upper_median};
-use crate::images::image::{Image, find_blobs, measure_distances};
+use crate::images::distances::measure_distances;
+use crate::images::image::{Image, find_blobs};
 use crate::images::relief::Relief;
 
 /// The depth at a place, relative to the ropes around it.

@@ -5,8 +5,8 @@ use crate::images::image::Image;
 const WORD_PIXELS: usize = u64::BITS as usize; // pixels of a word
 
 /// A mask with one bit for each pixel; its border is empty.
-#[derive(Debug, Clone)]
-struct Bits {
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Bits {
     /// Row by row, with an empty word before and after.
     words: Vec<u64>,
     width: usize,
@@ -18,6 +18,19 @@ impl Bits {
     fn new(width: usize, height: usize) -> Self {
         let stride = width.div_ceil(WORD_PIXELS);
         Self { words: vec![0; stride * height + 2], width, stride }
+    }
+
+    /// Packs a mask.
+    pub fn of(mask: &Image<bool>) -> Self {
+        let mut made = Self::new(mask.width, mask.height);
+        let rows =
+            mask.values.chunks_exact(mask.width.max(1)).zip(made.words[1..].chunks_mut(made.stride.max(1)));
+        for (values, words) in rows {
+            for (word, values) in words.iter_mut().zip(values.chunks(WORD_PIXELS)) {
+                *word = values.iter().rev().fold(0, |word, &value| word << 1 | u64::from(value));
+            }
+        }
+        made
     }
 
     /// Returns the word of a pixel, and the pixel's bit in it.
@@ -134,6 +147,13 @@ impl Bits {
         found
     }
 
+    /// Thins, as [`Bits::thin`] does, and returns the remaining pixels, ascending.
+    fn into_skeleton(mut self, whole: bool) -> Vec<usize> {
+        self.thin(whole);
+        self.smooth();
+        self.pixels()
+    }
+
     /// Removes the corners of staircases.
     fn smooth(&mut self) {
         for k in self.pixels() {
@@ -160,40 +180,23 @@ fn is_simple(p: &[bool; 8]) -> bool {
 /// Returns the remaining pixels, ascending. No chosen pixel may be on the border. The method is that of Zhang and Suen,
 /// *A fast parallel algorithm for thinning digital patterns*.
 pub fn thinned(pixels: impl IntoIterator<Item = usize>, width: usize, height: usize) -> Vec<usize> {
-    thinned_by(false, pixels, width, height)
-}
-
-/// Thins as [`thinned`] does, or as [`find_whole_skeleton`] does if `whole`.
-fn thinned_by(
-    whole: bool,
-    pixels: impl IntoIterator<Item = usize>,
-    width: usize,
-    height: usize,
-) -> Vec<usize> {
     let mut bits = Bits::new(width, height);
     for k in pixels {
         bits.set(k, true);
     }
-    bits.thin(whole);
-    bits.smooth();
-    bits.pixels()
+    bits.into_skeleton(false)
 }
 
 /// Returns the skeleton of a mask with an empty border: pixels, ascending.
 pub fn find_skeleton(mask: &Image<bool>) -> Vec<usize> {
-    thinned(list_set(mask), mask.width, mask.height)
+    Bits::of(mask).into_skeleton(false)
 }
 
 /// Returns the skeleton of a mask with an empty border, whose diagonals keep their length: pixels, ascending.
 ///
 /// The method is that of Guo and Hall, *Parallel thinning with two-subiteration algorithms*.
 pub fn find_whole_skeleton(mask: &Image<bool>) -> Vec<usize> {
-    thinned_by(true, list_set(mask), mask.width, mask.height)
-}
-
-/// Lists the set pixels of a mask, ascending.
-fn list_set(mask: &Image<bool>) -> impl Iterator<Item = usize> + '_ {
-    (0..mask.values.len()).filter(|&k| mask.values[k])
+    Bits::of(mask).into_skeleton(true)
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! Bindings of images and masks: smoothing, blobs, outlines, radii.
 
+use std::sync::Arc;
+
 use numpy::PyArray2;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -8,11 +10,12 @@ use super::arguments::Array;
 use super::arrays::array;
 use super::released::released;
 use crate::checks::check_positive;
-use crate::images::image::{Image, find_blobs, measure_distances};
+use crate::images::distances::measure_distances;
+use crate::images::image::{Image, find_blobs};
 use crate::images::outline;
 use crate::images::parts::count_parts;
 use crate::images::readings;
-use crate::images::silhouette::Silhouette;
+use crate::images::rope_mask;
 use crate::parallel;
 
 /// The columns and rows of a strand's nodes.
@@ -152,30 +155,44 @@ pub(super) fn find_short_outlines<'py>(
     found.into_iter().map(|mask| array(py, mask, [height, width])).collect()
 }
 
-/// Measure the radius of ropes in a mask by the area of single strands, pixels, and their middles, columns and rows;
-/// None without such. `radius_px` is the radius roughly.
-#[pyfunction]
-pub(super) fn measure_strands<'py>(
-    py: Python<'py>,
-    mask: &Bound<'py, PyAny>,
-    radius_px: f64,
-) -> PyResult<Option<(f64, Vec<Strand<'py>>)>> {
-    let mask = Array::mask("mask", mask)?;
-    let [_, width] = mask.image_shape("mask")?;
-    check_positive("radius_px", radius_px)?;
-    let found = released(py, move || readings::measure_strands(mask.slice(), width, radius_px))?;
-    let Some((radius, strands)) = found else { return Ok(None) };
-    let strands = strands
-        .into_iter()
-        .map(|nodes| array(py, nodes.concat(), [nodes.len(), 2]))
-        .collect::<PyResult<_>>()?;
-    Ok(Some((radius, strands)))
-}
+/// A mask of ropes whose radius is not known.
+///
+/// Parameters
+/// ----------
+/// mask : (H, W) ndarray of bool
+#[pyclass(frozen, module = "strand._core")]
+pub(super) struct RopeMask(Arc<rope_mask::RopeMask>);
 
-/// Estimate a rope's radius in the image from the width of a mask, pixels; None if the mask shows no rope.
-#[pyfunction]
-pub(super) fn estimate_mask_radius(py: Python<'_>, mask: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
-    let mask = Array::mask("mask", mask)?;
-    let [_, width] = mask.image_shape("mask")?;
-    released(py, move || Silhouette::shown_radius(mask.slice(), width))
+#[pymethods]
+impl RopeMask {
+    #[new]
+    fn new(py: Python<'_>, mask: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let mask = Array::mask("mask", mask)?;
+        let [_, width] = mask.image_shape("mask")?;
+        Ok(Self(Arc::new(released(py, move || rope_mask::RopeMask::new(mask.slice(), width))?)))
+    }
+
+    /// Estimate the ropes' radius in the image from the widths of the mask, pixels; None if it shows no rope.
+    fn estimate_radius(&self, py: Python<'_>) -> PyResult<Option<f64>> {
+        let mask = self.0.clone();
+        released(py, move || mask.estimate_radius())
+    }
+
+    /// Measure the radius of the ropes by the area of single strands, pixels, and their middles, columns and rows; None
+    /// without such. `radius_px` is the radius roughly.
+    fn measure_strands<'py>(
+        &self,
+        py: Python<'py>,
+        radius_px: f64,
+    ) -> PyResult<Option<(f64, Vec<Strand<'py>>)>> {
+        check_positive("radius_px", radius_px)?;
+        let mask = self.0.clone();
+        let found = released(py, move || readings::measure_strands(&mask, radius_px))?;
+        let Some((radius, strands)) = found else { return Ok(None) };
+        let strands = strands
+            .into_iter()
+            .map(|nodes| array(py, nodes.concat(), [nodes.len(), 2]))
+            .collect::<PyResult<_>>()?;
+        Ok(Some((radius, strands)))
+    }
 }

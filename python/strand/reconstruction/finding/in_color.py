@@ -108,7 +108,7 @@ def _search(image: DepthImage, colors: NDArray[np.uint8], table: NearTable, wind
 
 def _measure_radius(mask: NDArray[np.bool_], radius: float, radius_px: float) -> float:
     """Return the ropes' radius, metres, from their width in a mask, given that of the strips."""
-    own = _core.estimate_mask_radius(mask)
+    own = _core.RopeMask(mask).estimate_radius()
     if own is None or not 1.0 / _MAX_RATIO < own / radius_px < _MAX_RATIO:
         return radius
     return radius * own / radius_px

@@ -60,7 +60,6 @@ def slim_fat_masks(
 
 
 def _slim_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: float) -> DepthImage:
-    mask = image.mask
     pixels = radius * image.camera.focal[0] / image.distance
     shown = image.mask_radius
     if shown is None:
@@ -70,7 +69,8 @@ def _slim_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
     if measure_height_noise(part, table, bounds, radius) < MAX_FINE * radius:
         return _cut_fine_mask(image, window, table, bounds, radius, shown)
     own = part.mask & segment_above_table(part, table, bounds, radius)
-    slim = _core.estimate_mask_radius(own) if own.any() else None
+    slimmed = _mark(image, window, own)
+    slim = slimmed.mask_radius
     if slim is None or slim < _MIN_SHARE * pixels:
         return image
     speck = _SPECK * pixels**2
@@ -79,7 +79,12 @@ def _slim_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
         return image
     if shown < max(slim + MIN_WIDER, _MIN_WIDER_SHARE * slim) or shown > MAX_SHARE * pixels:
         return image
-    found = np.zeros_like(mask)
+    return slimmed
+
+
+def _mark(image: DepthImage, window: tuple[slice, slice], own: NDArray[np.bool_]) -> DepthImage:
+    """Return an image with the mask of a part of it."""
+    found = np.zeros_like(image.mask)
     found[window] = own
     return replace(image, labels=found)
 
@@ -100,7 +105,8 @@ def _cut_fine_mask(
         part, table, bounds, radius, ROUNDNESS * radius, [WEIGHT_BY_MASK], steps=STEPS_BY_MASK
     )
     own = mask & outlined.mask
-    slim = _core.estimate_mask_radius(own) if own.any() else None
+    slimmed = _mark(image, window, own)
+    slim = slimmed.mask_radius
     if outlined is part or slim is None or slim < _MIN_SHARE * pixels or shown > MAX_SHARE * pixels:
         return image  # nothing stands out, or parts of ropes
     excess = max(shown - slim, 0.0)
@@ -112,9 +118,8 @@ def _cut_fine_mask(
         # depth does not show this part of the ropes
         near = _core.measure_edge_distances(~bare, int(reach) + 2) <= reach
         own |= near & (_core.measure_edge_distances(mask, int(excess) + 2) > excess)
-    found = np.zeros_like(image.mask)
-    found[window] = own
-    return replace(image, labels=found)
+        return _mark(image, window, own)
+    return slimmed
 
 
 def _count_pieces(mask: NDArray[np.bool_], least: float) -> int:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.geometry.plane import Plane
 from strand.reconstruction.images.fat_masks import slim_fat_masks
@@ -76,7 +75,7 @@ def _measure_area(image: DepthImage, shown: float) -> tuple[float, list[Array]]:
     radius = shown
     chains: list[Array] = []
     for _ in range(_ROUNDS):
-        found = _core.measure_strands(image.mask, radius / scale)
+        found = image.rope_mask.measure_strands(radius / scale)
         if found is None:
             break
         by_area, chains = found

@@ -99,7 +99,7 @@ fn measure_from_line(pixel: [f32; 3], other: [f32; 3], shade: [f32; 2]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::images::image::measure_distances;
+    use crate::images::distances::measure_distances;
 
     #[test]
     fn a_rope_is_drawn_as_wide_as_it_is_and_its_shadow_is_background() {

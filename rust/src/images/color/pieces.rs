@@ -4,7 +4,8 @@ use super::levels::shrunk;
 use super::region::{Region, find_region};
 use super::strips::Strips;
 use super::{Planes, color, difference2, median, size};
-use crate::images::image::{Blobs, Image, find_blobs, measure_distances};
+use crate::images::distances::measure_distances;
+use crate::images::image::{Blobs, Image, find_blobs};
 use crate::parallel;
 
 const LOW: f32 = 0.75; // least response of a strip's pixels

@@ -2,7 +2,8 @@
 
 use super::sums::Sums;
 use super::{Planes, color, difference2, median, size};
-use crate::images::image::{Image, measure_distances};
+use crate::images::distances::measure_distances;
+use crate::images::image::Image;
 
 const ROUNDS: usize = 2; // estimates of the background
 const BESIDE: f32 = 0.7; // half widths from a rope's edge: the background begins there, and one pixel on

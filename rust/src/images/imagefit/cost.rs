@@ -58,7 +58,7 @@ pub fn add_view(
     misfit.outside += f64::from(outside) / (2.0 * radius_px * radius_px);
     misfit.spilled += f64::from(spilled) / (2.0 * radius_px * radius_px);
     for i in 0..seen.image.len() {
-        let observed = view.medians.at(seen.image[i]);
+        let observed = view.medians.at(view.silhouette, seen.image[i]);
         let e = (seen.places[i][2] - observed) / radius - sensor.surface - bias;
         if seen.visible[i] && !seen.mixed[i] && e.is_finite() {
             misfit.depth += STEP / sensor.correlation * (e / NOISE).powi(2).min(LIMIT);

@@ -203,7 +203,7 @@ impl Seen {
             if !self.visible[i] || scene.curves.samples[i].capped {
                 continue;
             }
-            let observed = scene.view.medians.at(self.image[i]);
+            let observed = scene.view.medians.at(scene.view.silhouette, self.image[i]);
             let place = self.places[i];
             let cosine = dot(self.spatial[i], place).powi(2) / dot(place, place);
             let sine = (1.0 - cosine).clamp(0.15, 1.0).sqrt();

@@ -49,7 +49,7 @@ pub fn lift(
         ranges.push(numbers.len()..numbers.len() + chain.len());
         numbers.resize(numbers.len() + chain.len(), number as u32);
     }
-    let seen = |&uv: &Place2| view.medians.at(uv) / radius - sensor.bias[0];
+    let seen = |&uv: &Place2| view.medians.at(view.silhouette, uv) / radius - sensor.bias[0];
     let mut depths: Vec<f64> = places.iter().map(seen).collect();
     let middle = median(depths.iter().copied().filter(|z| z.is_finite()).collect())?;
 

@@ -1,9 +1,10 @@
 //! The depth of a rope's middle: medians over small discs of the mask.
 
+use std::sync::atomic::{AtomicU32, Ordering};
+
 use super::places::Place2;
 use crate::clouds::depth::has_return;
 use crate::images::silhouette::Silhouette;
-use crate::parallel;
 
 const DISC: f64 = 0.6; // radius of a disc, image radii
 const MIN_DISC: f64 = 1.0; // radius of a disc at least, pixels
@@ -11,23 +12,29 @@ const MIN_RETURNS: usize = 3; // returns in a disc at least
 
 /// Median depths on a grid over an image, and the image's pixels inside the silhouette.
 ///
-/// They are computed once for each view, because many hypotheses ask for the same places. The grid is finer than the
-/// discs.
-#[derive(Debug, Clone)]
+/// Many hypotheses ask for the same places, but for few of all. A median is computed when it is asked for, and kept. The
+/// grid is finer than the discs.
+#[derive(Debug)]
 pub struct Medians {
     origin: Place2,
-    /// Step of the grid, pixels.
+    /// Step of the grid, whole pixels.
     step: f64,
     size: [usize; 2],
-    /// Row by row, metres; NaN where there are too few returns.
-    values: Vec<f32>,
-    /// Size of the silhouette's frame, and which of its pixels are inside.
+    /// Radius of the discs, and their pixels around the middle.
+    reach: f64,
+    disc: Vec<[i64; 2]>,
+    /// Row by row, the bits of the medians that are known; 0 for others.
+    known: Vec<AtomicU32>,
+    /// Size of the silhouette's frame.
     frame: [usize; 2],
+    /// The returns over the frame that count, metres; 0 for others.
+    returns: Vec<f32>,
+    /// Which pixels of the frame are inside the silhouette.
     inside: Vec<bool>,
 }
 
 impl Medians {
-    /// Computes medians over the pixels of a mask of `width` columns. `radius_px` is the radius of the ropes in it, which a
+    /// Prepares medians over the pixels of a mask of `width` columns. `radius_px` is the radius of the ropes in it, which a
     /// mask may surround widely.
     pub fn new(depth: &[f64], mask: &[bool], width: usize, silhouette: &Silhouette, radius_px: f64) -> Self {
         let height = depth.len() / width.max(1);
@@ -41,44 +48,40 @@ impl Medians {
             .filter(|[a, b]| ((a * a + b * b) as f64) <= reach * reach)
             .collect();
         let corner = origin.map(|c| c as i64);
-        // the returns that count, over the frame
-        let mut returns = vec![f32::NAN; frame[0] * frame[1]];
+        let mut returns = vec![0.0f32; frame[0] * frame[1]];
         for y in 0..frame[1] {
             for x in 0..frame[0] {
                 let (u, v) = (corner[0] + x as i64, corner[1] + y as i64);
                 if u >= 0 && v >= 0 && (u as usize) < width && (v as usize) < height {
                     let i = v as usize * width + u as usize;
-                    if has_return(depth[i]) && (mask[i] || silhouette.mask.at(x, y)) {
+                    if (mask[i] || silhouette.mask.at(x, y)) && has_return(depth[i]) {
                         returns[y * frame[0] + x] = depth[i] as f32;
                     }
                 }
             }
         }
-        let mut values = vec![f32::NAN; size[0] * size[1]];
-        parallel::rows(&mut values, size[0], |first, part| {
-            let mut seen = Vec::with_capacity(disc.len());
-            for (k, value) in part.iter_mut().enumerate() {
-                // steps are whole pixels
-                let (x, y) = (step as usize * (k % size[0]), step as usize * (first + k / size[0]));
-                if x >= frame[0] || y >= frame[1] || silhouette.pixel_distance(x, y) < -reach {
-                    continue;
-                }
-                seen.clear();
-                for [a, b] in &disc {
-                    let (u, v) = (x as i64 + a, y as i64 + b);
-                    if u >= 0 && v >= 0 && (u as usize) < frame[0] && (v as usize) < frame[1] {
-                        let z = returns[v as usize * frame[0] + u as usize];
-                        if !z.is_nan() {
-                            seen.push(z);
-                        }
-                    }
-                }
-                if seen.len() >= MIN_RETURNS {
-                    *value = median(&mut seen);
+        let known = (0..size[0] * size[1]).map(|_| AtomicU32::new(0)).collect();
+        let inside = silhouette.mask.values.clone();
+        Self { origin, step, size, reach, disc, known, frame, returns, inside }
+    }
+
+    /// Computes the median of a place of the grid; NaN if there are too few returns.
+    fn compute(&self, silhouette: &Silhouette, [x, y]: [usize; 2]) -> f32 {
+        let (x, y) = (self.step as usize * x, self.step as usize * y);
+        if x >= self.frame[0] || y >= self.frame[1] || silhouette.pixel_distance(x, y) < -self.reach {
+            return f32::NAN;
+        }
+        let mut seen = Vec::with_capacity(self.disc.len());
+        for [a, b] in &self.disc {
+            let (u, v) = (x as i64 + a, y as i64 + b);
+            if u >= 0 && v >= 0 && (u as usize) < self.frame[0] && (v as usize) < self.frame[1] {
+                let z = self.returns[v as usize * self.frame[0] + u as usize];
+                if z != 0.0 {
+                    seen.push(z);
                 }
             }
-        });
-        Self { origin, step, size, values, frame, inside: silhouette.mask.values.clone() }
+        }
+        if seen.len() >= MIN_RETURNS { median(&mut seen) } else { f32::NAN }
     }
 
     /// Returns whether a pixel is inside the silhouette.
@@ -89,9 +92,9 @@ impl Medians {
         within(x, 0) && within(y, 1) && self.inside[y as usize * self.frame[0] + x as usize]
     }
 
-    /// Returns the median at the nearest place of the grid; NaN if there is none.
+    /// Returns the median at the nearest place of the grid; NaN if there is none. The silhouette is that of the new ones.
     #[inline]
-    pub fn at(&self, uv: Place2) -> f64 {
+    pub fn at(&self, silhouette: &Silhouette, uv: Place2) -> f64 {
         let cell: [f64; 2] = std::array::from_fn(|k| ((uv[k] - self.origin[k]) / self.step).round());
         if !(cell[0] >= 0.0 && cell[1] >= 0.0) {
             return f64::NAN;
@@ -100,7 +103,15 @@ impl Medians {
         if x >= self.size[0] || y >= self.size[1] {
             return f64::NAN;
         }
-        f64::from(self.values[y * self.size[0] + x])
+        let kept = &self.known[y * self.size[0] + x];
+        // threads that meet here compute the same
+        let known = kept.load(Ordering::Relaxed);
+        if known != 0 {
+            return f64::from(f32::from_bits(known));
+        }
+        let found = self.compute(silhouette, [x, y]);
+        kept.store(found.to_bits(), Ordering::Relaxed);
+        f64::from(found)
     }
 }
 

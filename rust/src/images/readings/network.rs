@@ -3,7 +3,7 @@
 use super::planar::{Place, distance, length, resampled, smoothed};
 use super::skeleton::Net;
 use crate::images::image::Image;
-use crate::images::silhouette::Strokes;
+use crate::images::strokes::Strokes;
 use crate::images::thinning::thinned;
 
 const WIDE: f64 = 1.35; // the skeleton of more than one strand is farther than this from the edge, image radii
@@ -59,10 +59,10 @@ impl Skeleton {
     /// Prunes spurs of a mask's skeleton that reach out at most `spur` image radii, and finds zones.
     pub fn new(strokes: &Strokes, radius_px: f64, spur: f64) -> Self {
         let scale = strokes.scale as f64;
-        let width = strokes.inside.width;
-        let mut numbers = Image::filled(width, strokes.inside.height, 0u32);
+        let [width, height] = strokes.size;
+        let mut numbers = Image::filled(width, height, 0u32);
         let mut pixels = strokes.skeleton.clone();
-        let depth_at = |k: usize| f64::from(strokes.depth.values[k]);
+        let depth_at = |k: usize| strokes.depth(k);
         let (net, junction) = loop {
             let net = Net::new(pixels, width, &mut numbers);
             let junction: Vec<bool> = (0..net.len()).map(|i| net.near(i).len() >= 3).collect();
@@ -75,7 +75,7 @@ impl Skeleton {
                 kept[i as usize] = false;
             }
             let left = net.pixels.iter().zip(&kept).filter(|&(_, &kept)| kept).map(|(&k, _)| k);
-            pixels = thinned(left, width, strokes.inside.height);
+            pixels = thinned(left, width, height);
         };
         let place = |k: usize| strokes.original(k % width, k / width);
         let places: Vec<Place> = net.pixels.iter().map(|&k| place(k)).collect();

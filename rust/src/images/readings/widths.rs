@@ -2,7 +2,8 @@
 
 use super::network::{SPURS, Skeleton};
 use super::planar::{Place, length};
-use crate::images::silhouette::{Strokes, find_scale};
+use crate::images::rope_mask::RopeMask;
+use crate::images::strokes::find_scale;
 
 const MIN_LENGTH: f64 = 4.0; // shorter strands may be spurs of a ragged mask, image radii
 /// The radius of a strand that counts as single at most, image radii: near strands are wider than far ones.
@@ -14,12 +15,13 @@ const MERGED: u32 = 1; // owner of pixels that measure nothing: where strands me
 ///
 /// A pixel of the mask belongs to the nearest place of its skeleton. The radius is half of the area of the single
 /// strands over their length. Where strands merge, and at ends, nothing is measured. None without a single strand.
-pub fn measure_strands(mask: &[bool], width: usize, radius_px: f64) -> Option<(f64, Vec<Vec<Place>>)> {
+pub fn measure_strands(mask: &RopeMask, radius_px: f64) -> Option<(f64, Vec<Vec<Place>>)> {
     let widest = SLACK * radius_px;
-    let strokes = Strokes::new(mask, width, widest, find_scale(widest))?;
+    let filled = mask.fill(widest, find_scale(widest))?;
+    let strokes = mask.trace(&filled);
     let skeleton = Skeleton::new(&strokes, widest, SPURS[0]);
     let network = skeleton.read(widest, false, &[]);
-    let inside = &strokes.inside;
+    let inside = &filled.inside;
     let width = inside.width;
     let mut owners = vec![0; inside.values.len()];
     for zone in &network.zones {
@@ -42,7 +44,7 @@ pub fn measure_strands(mask: &[bool], width: usize, radius_px: f64) -> Option<(f
         measured += long * (between / (between + 1.0)).max(0.0);
         strands.push(segment.points);
     }
-    let mut open: Vec<usize> = (0..owners.len()).filter(|&k| owners[k] != 0).collect();
+    let mut open: Vec<usize> = strokes.skeleton.iter().copied().filter(|&k| owners[k] != 0).collect();
     let mut area = 0usize;
     while !open.is_empty() {
         area += open.iter().filter(|&&k| owners[k] > MERGED).count();

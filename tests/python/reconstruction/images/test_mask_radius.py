@@ -32,18 +32,18 @@ def test_strands_that_cross_are_as_wide_as_one(width):
     rows, columns = np.mgrid[:300, :400]
     level, slope = np.abs(rows - 150) <= width // 2, np.abs(rows - 0.7 * columns) * 0.8192 <= 0.5 * width
     wide = 2 * (width // 2) + 1
-    radius, strands = _core.measure_strands(level, 0.5 * width)
+    radius, strands = _core.RopeMask(level).measure_strands(0.5 * width)
     assert radius == pytest.approx(0.5 * wide, rel=0.01)
     assert np.abs(np.vstack(strands)[:, 1] - 150.0).max() <= 0.25
-    radius, strands = _core.measure_strands(level | slope, 0.5 * width)
+    radius, strands = _core.RopeMask(level | slope).measure_strands(0.5 * width)
     assert radius == pytest.approx(0.25 * (wide + width), rel=0.02)
     assert len(strands) == 4
 
 
 def test_a_disc_has_no_strands():
     rows, columns = np.mgrid[:80, :80]
-    assert _core.measure_strands(np.hypot(rows - 40, columns - 40) < 25, 8.0) is None
-    assert _core.measure_strands(np.zeros((80, 80), dtype=bool), 8.0) is None
+    assert _core.RopeMask(np.hypot(rows - 40, columns - 40) < 25).measure_strands(8.0) is None
+    assert _core.RopeMask(np.zeros((80, 80), dtype=bool)).measure_strands(8.0) is None
 
 
 def test_a_mask_without_rope_shows_no_radius():
@@ -57,7 +57,7 @@ def test_a_mask_without_rope_shows_no_radius():
 def test_a_mask_of_most_of_an_image_is_as_wide_as_it_is(columns):
     mask = np.zeros((480, 640), bool)
     mask[:, :columns] = True
-    assert _core.estimate_mask_radius(mask) == pytest.approx(min(columns, 480) / 2, rel=0.02)
+    assert _core.RopeMask(mask).estimate_radius() == pytest.approx(min(columns, 480) / 2, rel=0.02)
 
 
 def test_an_unknown_radius_of_masked_ropes_is_estimated_and_warned_of():
