@@ -1,23 +1,23 @@
 //! Space as the cameras saw it: occupied, occluded or free.
 
+mod rays;
+
 use std::collections::HashSet;
 
 use rayon::prelude::*;
 
 use crate::checks::{check_finite, check_positive};
-use crate::clouds::depth::{Pinhole, has_return};
 use crate::error::Result;
 use crate::geometry::{Point, RigidMotion, advance, cross, dot, normalized, sub};
 use crate::parallel;
+pub(crate) use rays::Observed;
+use rays::{Cells, MAX_TANGENT, Rays, Window};
 
 const CELL: f64 = 1.6; // width of a cell of a view's grid of directions, spacings between neighbouring points
-const MAX_TANGENT: f64 = 3.0; // directions farther than this from a view's middle are not gridded, tangents
 const MARGIN: f64 = 0.1; // margin of the grid around the directions that callers ask about, tangents
 const CLEARANCE: f64 = 1.0; // depth by which an obstacle must be in front of or behind a place, radii
 const MIN_POINTS: usize = 16; // points of a view at least; a view with fewer knows nothing
 const MAX_CELLS: f64 = 4e7; // cells of a view at most; a view of more widely scattered points knows nothing
-/// Points that one task projects; fixed, so that results do not depend on the number of threads.
-const POINTS_PER_TASK: usize = 16384;
 
 /// The state of a tube at a place, as one view shows it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,15 +43,6 @@ pub(crate) struct VisibilityView<'a> {
     pub pose: RigidMotion,
 }
 
-/// One camera's data.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Observed<'a> {
-    /// Points in the camera frame, metres.
-    Points(&'a [Point]),
-    /// A depth image: depths row by row, metres; pixels in a row; the camera.
-    Image(&'a [f64], usize, Pinhole),
-}
-
 /// Free and occupied space as all views saw it.
 #[derive(Debug)]
 pub(crate) struct Visibility {
@@ -69,13 +60,6 @@ struct Buffer {
     low: [f64; 2],
     shape: [usize; 2],
     nearest: Vec<f32>,
-}
-
-/// A direction and a squared distance from the camera; single precision is finer than any pixel.
-#[derive(Clone, Copy)]
-struct Ray {
-    flat: [f32; 2],
-    squared: f32,
 }
 
 impl Visibility {
@@ -157,58 +141,31 @@ pub(crate) fn occludes(others: &[Point], stretch: &[Point], camera: Point, dista
     })
 }
 
-impl Observed<'_> {
-    /// Makes the rays to all points that have one, task by task.
-    fn rays(&self, ray: impl Fn(Point) -> Option<Ray> + Sync) -> Vec<Vec<Ray>> {
-        match *self {
-            Self::Points(points) => {
-                let project = |points: &[Point]| points.iter().filter_map(|&p| ray(p)).collect();
-                points.par_chunks(POINTS_PER_TASK).map(project).collect()
-            }
-            Self::Image(depth, width, camera) => {
-                let width = width.max(1);
-                let rows = POINTS_PER_TASK.div_ceil(width);
-                let project = |(band, depth): (usize, &[f64])| {
-                    let mut rays = Vec::with_capacity(depth.len());
-                    for (row, v) in depth.chunks_exact(width).zip(band * rows..) {
-                        for (&z, u) in row.iter().zip(0u32..).filter(|(z, _)| has_return(**z)) {
-                            rays.extend(ray(camera.point(f64::from(u), v as f64, z)));
-                        }
-                    }
-                    rays
-                };
-                depth.par_chunks(rows * width).enumerate().map(project).collect()
-            }
-        }
-    }
-}
-
 impl Buffer {
     /// Grids one view; None if it has too few points.
     fn new(view: &VisibilityView) -> Option<Self> {
         let axes = axes_towards(view.about)?;
-        let asked = bounds(view.about.iter().filter_map(|&p| Ray::to(p, &axes)))?;
-        let (low, high) = (asked.0.map(|x| (x - MARGIN) as f32), asked.1.map(|x| (x + MARGIN) as f32));
-        let near = |ray: &Ray| (0..2).all(|k| ray.flat[k] > low[k] && ray.flat[k] < high[k]);
-        let rays = view.observed.rays(|p| Ray::to(p, &axes).filter(near));
-        let count = rays.iter().map(Vec::len).sum();
+        let asked = bounds_of(view.about.iter().filter_map(|&p| find_direction(p, &axes)))?;
+        let [low, high] = [asked[0].map(|x| (x - MARGIN) as f32), asked[1].map(|x| (x + MARGIN) as f32)];
+        let rays = view.observed.rays(&Window { axes, low, high });
+        let count = rays.iter().map(Rays::count).sum();
         if count < MIN_POINTS {
             return None;
         }
-        let all = || rays.iter().flatten().copied();
-        let (low, high) = bounds(all())?;
-        let cell = CELL * spacing(all, count, low, high);
-        let grid = Cells::new(low, cell);
-        let last = grid.of(high.map(|x| x as f32));
+        let [low, high] = bounds_of(rays.iter().filter_map(Rays::bounds).flatten())?;
+        let cell = CELL * spacing(&rays, count, low, high);
+        let cells = Cells::new(low, cell);
+        let last = cells.of(high.map(|x| x as f32));
         if (last[0] + 1) as f64 * (last[1] + 1) as f64 > MAX_CELLS {
             return None;
         }
         let shape = last.map(|x| x + 1);
         let mut nearest = vec![f32::INFINITY; shape[0] * shape[1]];
-        for ray in all() {
-            let [i, j] = grid.of(ray.flat);
-            let least = &mut nearest[i * shape[1] + j];
-            *least = ray.squared.min(*least);
+        for rays in &rays {
+            rays.visit(cells, |[i, j], squared| {
+                let least = &mut nearest[i * shape[1] + j];
+                *least = squared.min(*least);
+            });
         }
         for distance in &mut nearest {
             *distance = distance.sqrt();
@@ -241,35 +198,6 @@ impl Buffer {
     }
 }
 
-impl Ray {
-    /// Makes the ray to a point; None if the point is behind the camera or far to the side.
-    #[inline]
-    fn to(point: Point, axes: &[Point; 3]) -> Option<Self> {
-        let depth = dot(point, axes[2]);
-        let flat = [dot(point, axes[0]) / depth, dot(point, axes[1]) / depth];
-        (depth > 0.0 && flat[0].abs() < MAX_TANGENT && flat[1].abs() < MAX_TANGENT)
-            .then(|| Self { flat: flat.map(|x| x as f32), squared: dot(point, point) as f32 })
-    }
-}
-
-/// A square grid of directions.
-#[derive(Clone, Copy)]
-struct Cells {
-    low: [f32; 2],
-    inverse: f32,
-}
-
-impl Cells {
-    fn new(low: [f64; 2], cell: f64) -> Self {
-        Self { low: low.map(|x| x as f32), inverse: (1.0 / cell) as f32 }
-    }
-
-    #[inline]
-    fn of(&self, flat: [f32; 2]) -> [usize; 2] {
-        std::array::from_fn(|k| ((flat[k] - self.low[k]) * self.inverse) as usize)
-    }
-}
-
 /// Returns orthogonal unit vectors, the third towards the middle of points; None for too few points or points all
 /// around.
 fn axes_towards(about: &[Point]) -> Option<[Point; 3]> {
@@ -287,42 +215,44 @@ fn axes_towards(about: &[Point]) -> Option<[Point; 3]> {
     Some([side, cross(forward, side), forward])
 }
 
+/// Returns the direction to a point; None if the point is behind the camera or far to the side.
+fn find_direction(point: Point, axes: &[Point; 3]) -> Option<[f64; 2]> {
+    let depth = dot(point, axes[2]);
+    let flat = [dot(point, axes[0]) / depth, dot(point, axes[1]) / depth];
+    let near = depth > 0.0 && flat.iter().all(|x| x.abs() < MAX_TANGENT);
+    near.then(|| flat.map(|x| f64::from(x as f32)))
+}
+
 /// Returns the corners of the box around directions; None without directions.
-fn bounds(rays: impl Iterator<Item = Ray>) -> Option<([f64; 2], [f64; 2])> {
-    let start = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    let (low, high) = rays.fold(start, |(low, high), ray| {
-        (
-            std::array::from_fn(|k| low[k].min(f64::from(ray.flat[k]))),
-            std::array::from_fn(|k| high[k].max(f64::from(ray.flat[k]))),
-        )
+fn bounds_of(directions: impl Iterator<Item = [f64; 2]>) -> Option<[[f64; 2]; 2]> {
+    let start = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+    let [low, high] = directions.fold(start, |[low, high], flat| {
+        [[0, 1].map(|k| low[k].min(flat[k])), [0, 1].map(|k| high[k].max(flat[k]))]
     });
-    (low[0] <= high[0]).then_some((low, high))
+    (low[0] <= high[0]).then_some([low, high])
 }
 
 /// Estimates the spacing of directions: the side of the area that each has to itself.
-fn spacing<I: Iterator<Item = Ray>>(
-    rays: impl Fn() -> I,
-    count: usize,
-    low: [f64; 2],
-    high: [f64; 2],
-) -> f64 {
+fn spacing(rays: &[Rays], count: usize, low: [f64; 2], high: [f64; 2]) -> f64 {
     let extent: [f64; 2] = std::array::from_fn(|k| high[k] - low[k]);
     let longest = extent[0].max(extent[1]);
     let mut area = (extent[0] * extent[1]).max(1e-4 * longest * longest).max(1e-18);
     // refine from the area of the box to that of the cells with points, each a few points wide
     for _ in 0..2 {
         let cell = 3.0 * (area / count as f64).sqrt();
-        let grid = Cells::new(low, cell);
-        let last = grid.of(high.map(|x| x as f32));
-        let cells = (last[0] as f64 + 1.0) * (last[1] as f64 + 1.0);
-        let taken = if cells > MAX_CELLS {
-            rays().map(|ray| grid.of(ray.flat)).collect::<HashSet<_>>().len()
+        let cells = Cells::new(low, cell);
+        let last = cells.of(high.map(|x| x as f32));
+        let taken = if (last[0] as f64 + 1.0) * (last[1] as f64 + 1.0) > MAX_CELLS {
+            let mut taken = HashSet::new();
+            rays.iter().for_each(|rays| {
+                rays.visit(cells, |place, _| {
+                    taken.insert(place);
+                });
+            });
+            taken.len()
         } else {
             let mut taken = vec![false; (last[0] + 1) * (last[1] + 1)];
-            for ray in rays() {
-                let [i, j] = grid.of(ray.flat);
-                taken[i * (last[1] + 1) + j] = true;
-            }
+            rays.iter().for_each(|rays| rays.visit(cells, |[i, j], _| taken[i * (last[1] + 1) + j] = true));
             taken.into_iter().filter(|&taken| taken).count()
         };
         area = taken as f64 * cell * cell;
@@ -333,6 +263,7 @@ fn spacing<I: Iterator<Item = Ray>>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::clouds::depth::Pinhole;
 
     /// A wall at z = 1 with a tube's width of nearer points in the middle, seen from the origin.
     fn wall_and_bar() -> Vec<Point> {
