@@ -32,6 +32,8 @@ _MOST = 2**63 - 1  # whole numbers of 64 bits, as kernels and tables hold them
 
 def check_number(name: str, value: Any) -> float:
     """Return `value` as a finite float; arrays without a dimension count as numbers."""
+    if type(value) is float and math.isfinite(value):
+        return value
     refuse_masks_and_units(name, value)
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
@@ -245,13 +247,15 @@ def refuse_masks_and_units(name: str, value: Any) -> None:
 
 def _inspect(name: str, value: Any, depth: int) -> bool:
     """Refuse masks and units; tell whether a value is or holds a bool, which NumPy would take for 0 or 1."""
+    if type(value) is np.ndarray:
+        return bool(value.dtype.kind == "b")
     if isinstance(value, np.ndarray):
         if is_masked(value):
             raise TypeError(
                 f"{name}: expected an array without a mask; fill or drop masked values: .filled(0) suits "
                 "depths without a return, and masks"
             )
-        if type(value) is not np.ndarray and (hasattr(value, "unit") or hasattr(value, "units")):
+        if hasattr(value, "unit") or hasattr(value, "units"):
             raise TypeError(f"{name}: expected plain numbers in SI units, got {type(value).__name__}")
         return bool(value.dtype == np.bool_)
     if not isinstance(value, (list, tuple)) or depth == 0:
@@ -302,6 +306,8 @@ def check_float_array(name: str, value: ArrayLike, shape: tuple[int | str, ...])
 
 
 def _convert(array: NDArray[Any]) -> Array:
+    if array.dtype == np.float64 and array.flags.c_contiguous:
+        return array
     # NumPy may warn when it converts NaN, or long doubles that are too large or too small
     with np.errstate(all="ignore"):
         return np.asarray(array, dtype=np.float64, order="C")

@@ -124,10 +124,11 @@ def convert_to_meters(depth: ArrayLike, depth_scale: float | None) -> Array:
         scale = check_positive("depth_scale", depth_scale)
         if image.dtype.kind not in "fiu":
             raise TypeError(f"depth: expected numbers, got dtype {image.dtype}")
-        given = image.astype(np.float64)
+        given = image
         with np.errstate(over="ignore"):
-            image = given * scale
-        if (np.isfinite(given) & ~np.isfinite(image)).any():
+            image = np.multiply(given, scale, dtype=np.float64)
+        finite = np.isfinite(image)
+        if not finite.all() and np.isfinite(given[~finite]).any():
             raise ValueError(
                 f"depth: expected depths that are finite in metres, got up to {np.nanmax(given)} units"
             )

@@ -7,9 +7,12 @@ use crate::error::Result;
 use crate::geometry::{Point, squared_distance};
 use crate::index::hierarchy::Hierarchy;
 use crate::parallel;
+use crate::simd::{BATCH, kernel};
 
 const POINTS_PER_TASK: usize = 1024; // points that one task works on
 const FEW: usize = 16; // points: for so few, an index of the others costs more than it saves
+/// The same where only distances are asked for: many are compared at once.
+const MANY: usize = 256;
 
 /// Returns the number of the nearest of `others` to each point, the first among equals; None if there are none.
 pub(crate) fn nearest(points: &[Point], others: &[Point]) -> Result<Vec<Option<usize>>> {
@@ -39,9 +42,39 @@ fn find_nearest(point: Point, others: &[Point]) -> Option<usize> {
 
 /// Returns the squared distance of each point to the nearest of `others`, m²; infinity if there are none.
 pub(crate) fn squared_distances(points: &[Point], others: &[Point]) -> Result<Vec<f64>> {
+    if points.len() <= MANY {
+        check_finite("points", points)?;
+        check_finite("others", others)?;
+        return Ok(compare_all(points, others));
+    }
     let measure =
         |(p, i): (&Point, Option<usize>)| i.map_or(f64::INFINITY, |i| squared_distance(*p, others[i]));
     Ok(points.iter().zip(nearest(points, others)?).map(measure).collect())
+}
+
+kernel! {
+    /// Returns the least squared distance of each point from `others` by comparing all.
+    fn compare_all<S>(_, points: &[Point], others: &[Point]) -> Vec<f64> {
+        let mut least = vec![f64::INFINITY; points.len()];
+        for (least, points) in least.chunks_mut(BATCH).zip(points.chunks(BATCH)) {
+            let mut batch = [[0.0; BATCH]; 3];
+            for (l, p) in points.iter().enumerate() {
+                for k in 0..3 {
+                    batch[k][l] = p[k];
+                }
+            }
+            let mut nearest = [f64::INFINITY; BATCH];
+            for other in others {
+                for l in 0..BATCH {
+                    let d = [batch[0][l] - other[0], batch[1][l] - other[1], batch[2][l] - other[2]];
+                    let square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+                    nearest[l] = if square < nearest[l] { square } else { nearest[l] };
+                }
+            }
+            least.copy_from_slice(&nearest[..points.len()]);
+        }
+        least
+    }
 }
 
 #[cfg(test)]

@@ -105,14 +105,15 @@ impl State<'_> {
                 residual: options.residual,
                 counts,
             };
-            let (order, mut places, mut near) = match (&search, known) {
+            let (order, mut places, runs, mut near) = match (&search, known) {
                 (None, Some(known)) => {
                     let places = known.find_places();
-                    (known.order, places, known.near)
+                    (known.order, places, known.runs, known.near)
                 }
                 (Some(search), _) => {
                     let (order, places) = sort_by_span(eye.searched(search).iter().flatten(), &spans.first);
-                    (order, places, Vec::new())
+                    let runs = find_runs(&places);
+                    (order, places, runs, Vec::new())
                 }
                 (None, None) => Default::default(),
             };
@@ -120,7 +121,6 @@ impl State<'_> {
                 go_on();
                 move_to_foot_points(&spans.spans[run.span], &eye, &order[run.points.clone()], places);
             };
-            let runs = find_runs(&places);
             split_by_run(&runs, &mut places).into_par_iter().with_min_len(RUNS_PER_TASK).for_each(settle);
             let (order, places) = resort(order, places, spans.spans.len());
             let runs = find_runs(&places);
@@ -195,19 +195,17 @@ impl State<'_> {
 impl ViewTerms {
     /// Returns the places of all points that have one.
     fn find_places(&self) -> Vec<OnSpan> {
-        let on_span = |run: &Run| {
+        let mut places = Vec::with_capacity(self.near.len());
+        for run in &self.runs {
             let span = run.span as u32;
-            self.near[run.points.clone()].iter().map(move |near| OnSpan { span, t: near.t })
-        };
-        self.runs.iter().flat_map(on_span).collect()
+            places.extend(self.near[run.points.clone()].iter().map(|near| OnSpan { span, t: near.t }));
+        }
+        places
     }
 
-    /// Iterates over the curves and foot points of all points that have one.
-    pub(super) fn on_curves(&self) -> impl Iterator<Item = (usize, &Near)> {
-        self.runs
-            .iter()
-            .zip(&self.curves)
-            .flat_map(|(run, &curve)| self.near[run.points.clone()].iter().map(move |near| (curve, near)))
+    /// Iterates over the foot points on each span, and their curves.
+    pub(super) fn on_curves(&self) -> impl Iterator<Item = (usize, &[Near])> {
+        self.curves.iter().zip(&self.runs).map(|(&curve, run)| (curve, &self.near[run.points.clone()]))
     }
 }
 

@@ -131,11 +131,15 @@ impl State<'_> {
     fn measure(&mut self, terms: &[ViewTerms], options: &TubeFitOptions) {
         let mut sizes = Vec::new();
         let mut along_rays = Vec::new();
-        for (curve, near) in terms.iter().flat_map(ViewTerms::on_curves).filter(|(_, near)| near.inlier) {
-            let size = self.radius(curve) as f32 * near.residual.abs();
-            sizes.push(size);
-            if options.residual == Residual::Ray && options.noise.is_none() {
-                along_rays.push(size / near.facing.max(0.4));
+        let along = options.residual == Residual::Ray && options.noise.is_none();
+        for (curve, run) in terms.iter().flat_map(ViewTerms::on_curves) {
+            let radius = self.radius(curve) as f32;
+            for near in run.iter().filter(|near| near.inlier) {
+                let size = radius * near.residual.abs();
+                sizes.push(size);
+                if along {
+                    along_rays.push(size / near.facing.max(0.4));
+                }
             }
         }
         if sizes.len() > 50 {

@@ -10,7 +10,7 @@ use crate::geometry::{Point, normalized, sub};
 /// Points that one task searches for, or works on within a span; fixed, so that results do not depend on the number of
 /// threads.
 pub(super) const POINTS_PER_TASK: usize = 512;
-const STRETCH: f64 = 2.0; // reach to both sides over which a curve's direction is taken for poses, spans
+const STRETCH: usize = 2; // reach to both sides over which a curve's direction is taken for poses, spans
 pub(super) const DIRECTIONS: usize = 8; // intervals of a span between the places at which it is taken
 
 /// Points of one view on one span.
@@ -160,9 +160,13 @@ impl Spans {
 /// slide to where the noise fits best, and the normal equations would count that as information. The direction over a
 /// longer stretch hardly wavers, and in a bend it is the tangent.
 fn find_directions(pieces: &Pieces) -> Vec<Point> {
-    let place = |u: f64| pieces.at(u.clamp(0.0, pieces.end())).position;
-    (0..=pieces.end() as usize * DIRECTIONS)
-        .map(|i| i as f64 / DIRECTIONS as f64)
-        .map(|u| normalized(sub(place(u + STRETCH), place(u - STRETCH))))
-        .collect()
+    // places on both sides of a direction's, at the steps between directions
+    let reach = STRETCH * DIRECTIONS;
+    let last = pieces.end() as usize * DIRECTIONS;
+    let place = |i: usize| {
+        let u = (i as f64 - reach as f64) / DIRECTIONS as f64;
+        pieces.at(u.clamp(0.0, pieces.end())).position
+    };
+    let places: Vec<Point> = (0..=last + 2 * reach).map(place).collect();
+    places.iter().zip(&places[2 * reach..]).map(|(&before, &after)| normalized(sub(after, before))).collect()
 }
