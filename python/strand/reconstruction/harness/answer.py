@@ -16,7 +16,6 @@ from strand.reconstruction.answering import (
 )
 from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
 from strand.reconstruction.harness.certainty import Certainty, judge
-from strand.reconstruction.harness.flat_bundles import find_flat_bundles
 from strand.reconstruction.harness.graph import Graph, make_graph, make_harness
 from strand.reconstruction.harness.look_doubts import (
     doubt_by_rival,
@@ -64,14 +63,20 @@ def answer_with_harness(scene: Scene, hints: Hints, run: Run, keep_stages: bool)
     harness, found, poses, chains = look.harness, look.found, look.poses, look.chains
     graph, certainty = look.graph, look.certainty
     upwards = find_up(scene, found, found.chains, hints.previous)
-    flat = find_flat_bundles(harness.strands, harness.drawn, harness.ground.table)
-    wires, wire_doubts = _count_wires(harness, graph, flat, hints.wire)
+    wires, wire_doubts = _count_wires(harness, graph, hints.wire)
     at_edge = doubt_ends_at_edge(chains, scene.extract.whole, scene.tables) if scene.tables else []
     at_border = doubt_ends_at_border(chains, list_images(scene, list(poses)))
     cut = [doubt for doubt, _ in (*at_edge, *at_border)]
     answer = make_harness(graph, chains, certainty.nodes, wires)
     differences = [] if hints.net is None else doubt_differences(hints.net, answer)
-    own = [*certainty.doubts, *wire_doubts, *_doubt_flat(flat), *differences, *upwards.doubts, *cut]
+    own = [
+        *certainty.doubts,
+        *wire_doubts,
+        *_doubt_flat(harness.beside.flat),
+        *differences,
+        *upwards.doubts,
+        *cut,
+    ]
     for doubt in own:
         if doubt.amount >= _MIN_WARNED:
             run.warn(doubt.kind, str(doubt), doubt.place, doubt.amount)
@@ -144,14 +149,13 @@ def _doubt_flat(flat: NDArray[np.bool_]) -> list[Doubt]:
 
 
 def _count_wires(
-    harness: FoundHarness, graph: Graph, flat: NDArray[np.bool_], wire: float | None
+    harness: FoundHarness, graph: Graph, wire: float | None
 ) -> tuple[list[int | None], list[Doubt]]:
     """Return the wires of each strand, and doubts where they do not add up."""
     if wire is None:
         return [None] * len(graph.pairs), []
-    halves = np.array([strand.half_width for strand in harness.strands])
-    side_by_side = wire * np.sqrt(np.maximum(np.rint(halves / wire), 1.0))
-    radii = np.where(flat, side_by_side, harness.fitted.widths)
+    side_by_side = wire * np.sqrt(harness.beside.wires)
+    radii = np.where(harness.beside.flat, side_by_side, harness.fitted.widths)
     choice = choose_radii(radii, graph.pairs, list_bundles(wire))
     if choice.counts[0] is None:
         reason = (

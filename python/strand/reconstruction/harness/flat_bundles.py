@@ -3,34 +3,203 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from strand._core import TubeFit
 from strand.geometry.plane import Plane
+from strand.geometry.polyline import path_length
 from strand.reconstruction.harness.strands import Strand
 from strand.reconstruction.harness.surface_map import SurfaceMap
+from strand.support.checks import Array
 
 _FLAT = 0.65  # height of the surface over the table at most, widths: two wires side by side have a half
 _INSIDE = (0.125, 0.875)  # stretch of a strand that tells, of its nodes
+_ACROSS = np.linspace(-0.8, 0.8, 17)  # half widths: places across a strand, of which some lie on wires' backs
+_BACK = 85.0  # percentile of the heights across a strand that is the height of the wires' backs
+_CORNER = 2.0  # length at a free end in which the middle line runs to a corner, half widths
+_MARCH = 0.25  # step in which the middle is sought there, half widths
+_MAX_MARCHES = 40
+_SIDES = 2.0  # half widths: distance from the middle line in which a strand's sides are sought
+_WHOLE = 0.8  # of its width: shorter cuts go through a corner
 
 
-def find_flat_bundles(strands: Sequence[Strand], drawn: SurfaceMap, table: Plane | None) -> NDArray[np.bool_]:
-    """Tell which strands (K,) are wires side by side; without a table, none.
+@dataclass(frozen=True, eq=False)
+class FlatBundles:
+    """Strands whose wires lie side by side.
+
+    Attributes
+    ----------
+    wires : (K,) ndarray of int
+        The number of wires side by side of each strand; 1 for a round one.
+    radius : float
+        Of such a wire, metres; 0 without a flat strand.
+    up : (3,) ndarray
+        Unit vector across the plane in which they lie.
+    """
+
+    wires: NDArray[np.int64]
+    radius: float
+    up: Array
+
+    @property
+    def flat(self) -> NDArray[np.bool_]:
+        """Which strands (K,) are wires side by side."""
+        return self.wires > 1
+
+    @property
+    def owners(self) -> NDArray[np.int64]:
+        """The strand (C,) of each tube: one for a round strand, one for each wire of a flat one."""
+        return np.repeat(np.arange(len(self.wires)), self.wires)
+
+    @property
+    def classes(self) -> NDArray[np.int64]:
+        """Which radius each strand's tubes (K,) have: round strands have their own, all wires share one."""
+        own = np.cumsum(~self.flat) - 1
+        return np.where(self.flat, np.count_nonzero(~self.flat), own)
+
+    def list_radii(self, widths: Array) -> Array:
+        """Return the radius of each class of tubes, metres, from those (K,) of strands as round bundles."""
+        wires = (widths / np.sqrt(self.wires))[self.flat]
+        return np.append(widths[~self.flat], np.median(wires) if len(wires) else [])
+
+    def list_widths(self, radii: Array) -> Array:
+        """Return the radius (K,) of each strand as a round bundle, metres, from those of the classes."""
+        return np.asarray(radii[self.classes] * np.sqrt(self.wires))
+
+    def lay(self, curves: Sequence[Array]) -> list[Array]:
+        """Return control points of all tubes: those of a flat strand lie beside its middle line."""
+        tubes = []
+        for control, count in zip(curves, self.wires, strict=True):
+            across = np.cross(self.up, np.gradient(control, axis=0))
+            across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+            for place in (2.0 * np.arange(count) - count + 1.0) * self.radius:
+                tubes.append(control + place * across)
+        return tubes
+
+    def merge(self, fit: TubeFit, radii: Array) -> TubeFit:
+        """Return a fit of tubes with one curve for each strand: the mean of its tubes.
+
+        Parameters
+        ----------
+        fit : TubeFit
+        radii : (K,) ndarray
+            The radius of each strand, metres.
+        """
+        owners, first = self.owners, np.cumsum(self.wires) - self.wires
+        classes = fit.radius_classes[first]
+
+        def average(values: Sequence[Array]) -> list[Array]:
+            pieces = [values[at : at + count] for at, count in zip(first, self.wires, strict=True)]
+            return [np.mean(some, axis=0) for some in pieces]
+
+        return fit.replace(
+            curves=average(fit.curves),
+            covariances=average(fit.covariances),
+            curve=owners[fit.curve],
+            radius_classes=np.arange(len(self.wires)),
+            radii=radii,
+            radii_sd=fit.radii_sd[classes],
+            bands=fit.bands[classes],
+        )
+
+
+def find_flat_bundles(
+    strands: Sequence[Strand], drawn: SurfaceMap, table: Plane | None, wire: float | None
+) -> FlatBundles:
+    """Tell which strands are wires side by side; without a table, none.
 
     Parameters
     ----------
     strands : sequence of Strand
     drawn : SurfaceMap
     table : Plane or None
+    wire : float or None
+        The radius of a wire, metres, if it is known.
     """
-    flat = np.zeros(len(strands), dtype=bool)
+    wires, up = np.ones(len(strands), dtype=np.int64), drawn.frame[:, 2]
     if table is None:
-        return flat
-    for number, strand in enumerate(strands):
-        low, high = (round(share * len(strand.nodes)) for share in _INSIDE)
-        places, _ = drawn.flatten(strand.nodes[low:high])
-        surface = drawn.lift(places, drawn.sample_heights(places))
-        height = float(np.median(table.measure_heights(surface)))
-        flat[number] = height < _FLAT * (1.0 + drawn.ridge) * strand.half_width
-    return flat
+        return FlatBundles(wires, 0.0, up)
+    shapes = [_measure_shape(strand, drawn, table) for strand in strands]
+    heights, halves = np.array(shapes).T
+    widths = np.array([strand.half_width for strand in strands])
+    flat = heights < _FLAT * (1.0 + drawn.ridge) * widths
+    if not flat.any():
+        return FlatBundles(wires, 0.0, up)
+    radius = float(np.median(heights[flat])) / (1.0 + drawn.ridge) if wire is None else wire
+    wires[flat] = np.maximum(np.rint(halves[flat] / radius), 2)
+    return FlatBundles(wires, radius, up)
+
+
+def _measure_shape(strand: Strand, drawn: SurfaceMap, table: Plane) -> tuple[float, float]:
+    """Return the height of a strand's surface over the table, and its half width if it is flat, metres."""
+    low, high = (round(share * len(strand.nodes)) for share in _INSIDE)
+    places, heights = drawn.flatten(strand.nodes[low:high])
+    across = np.gradient(places, axis=0)[:, ::-1] * (1.0, -1.0)
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    offsets = _ACROSS * strand.half_width / drawn.cell
+    around = (places[:, None] + offsets[:, None] * across[:, None]).reshape(-1, 2)
+    surface = table.measure_heights(drawn.lift(around, drawn.sample_heights(around)))
+    backs = np.percentile(surface.reshape(len(places), len(offsets)), _BACK, axis=1)
+    # a map drawn aslant shows flat strands narrower
+    steps = drawn.lift(places + across, heights) - drawn.lift(places, heights)
+    aslant = np.linalg.norm(steps, axis=1) / drawn.cell
+    return float(np.median(backs)), float(np.median(aslant)) * strand.half_width
+
+
+def square_ends(strands: Sequence[Strand], bundles: FlatBundles, drawn: SurfaceMap) -> list[Strand]:
+    """Return strands of which flat ones run to the middles of their free ends.
+
+    The middle line of a wide strand's mask runs to a corner of its end.
+    """
+    return [
+        _lead_to_ends(strand, drawn) if is_flat and not strand.closed else strand
+        for strand, is_flat in zip(strands, bundles.flat, strict=True)
+    ]
+
+
+def _lead_to_ends(strand: Strand, drawn: SurfaceMap) -> Strand:
+    """Return a strand that keeps in the middle between its mask's sides up to its free ends."""
+    nodes = strand.nodes
+    for late in (0, 1):
+        along = path_length(nodes)
+        cut = _CORNER * strand.half_width
+        if strand.ends[late] is not None or along[-1] < 2.0 * cut:
+            continue
+        nodes = nodes if late else nodes[::-1]
+        kept = nodes[path_length(nodes) <= along[-1] - cut]
+        places, heights = drawn.flatten(kept)
+        beyond = _march(places, strand.half_width / drawn.cell, drawn)
+        added = drawn.lift(beyond, np.full(len(beyond), heights[-1]))
+        nodes = np.concatenate([kept, added])
+        nodes = nodes if late else nodes[::-1]
+    return replace(strand, nodes=nodes)
+
+
+def _march(places: Array, half: float, drawn: SurfaceMap) -> Array:
+    """Return places (M, 2) in the middle of a mask beyond a line's last place, in steps, up to its end."""
+    tip, step = places[-1], _MARCH * half
+    inner = places[np.linalg.norm(places - tip, axis=1) <= half]
+    heading = tip - inner[0] if len(inner) > 1 else tip - places[-2]
+    heading = heading / max(float(np.linalg.norm(heading)), 1e-9)
+    offsets = np.arange(-_SIDES * half, _SIDES * half, 0.5)
+    found: list[Array] = []
+    for _ in range(_MAX_MARCHES):
+        ahead = tip + step * heading
+        if not drawn.holds(ahead):
+            break
+        across = np.array([-heading[1], heading[0]])
+        on = drawn.hold(ahead + offsets[:, None] * across)
+        middle = len(offsets) // 2
+        left = middle - int(np.argmin(np.append(on[: middle + 1][::-1], False)))
+        right = middle + int(np.argmin(np.append(on[middle:], False)))
+        # a cut at a corner is shorter, and its middle lies aside
+        if offsets[right - 1] - offsets[left + 1] > _WHOLE * 2.0 * half:
+            ahead = ahead + 0.5 * (offsets[right - 1] + offsets[left + 1]) * across
+        heading = ahead - (found[-2] if len(found) > 1 else tip)
+        heading = heading / max(float(np.linalg.norm(heading)), 1e-9)
+        found.append(ahead)
+        tip = ahead
+    return np.array(found).reshape(-1, 2)

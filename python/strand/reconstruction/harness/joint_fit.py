@@ -13,8 +13,9 @@ from strand._core import NotEnoughDataError, TubeFit
 from strand.config import Config
 from strand.geometry.curve import Curve
 from strand.geometry.polyline import path_length
+from strand.reconstruction.harness.flat_bundles import FlatBundles
 from strand.reconstruction.harness.strands import Strand, list_pairs
-from strand.reconstruction.harness.wires import choose_radii
+from strand.reconstruction.harness.wires import Possible, choose_radii
 from strand.reconstruction.tubes.clouds import Clouds
 from strand.reconstruction.tubes.fitting import ROPE_MARGIN, ROUGH_TOLERANCE, fit_curves
 from strand.reconstruction.tubes.tube_ends import find_extents
@@ -72,64 +73,74 @@ class Fitted:
 def fit_harness(
     clouds: Clouds,
     strands: Sequence[Strand],
+    beside: FlatBundles,
     places: Array,
     motions: Array,
-    radii: Array | None,
-    bundles: Array | None,
+    possible: Possible,
     config: Config,
 ) -> Fitted:
     """Fit strands and poses to the points of all views.
 
-    Strands need not have a given radius: wires side by side under a tie make no round tube.
+    Wires that lie side by side are tubes of their own. Other strands need not have a given radius.
 
     Parameters
     ----------
     clouds : Clouds
     strands : sequence of Strand
+    beside : FlatBundles
+        Which strands are wires side by side.
     places : (J, 3) ndarray
         The junctions, metres.
     motions : (V, 4, 4) ndarray
         Corrections of the poses to start from.
-    radii : (K,) ndarray or None
-        The radii that ropes have, metres; None if nobody knows.
-    bundles : (K,) ndarray or None
-        The radii of round bundles of wires, metres, which strands have about, if they have none of `radii`.
+    possible : Possible
+        The radii that strands may have.
+    config : Config
     """
     try:
-        return _fit(clouds, strands, places, motions, radii, bundles, config)
+        return _fit(clouds, strands, beside, places, motions, possible, config)
     except NotEnoughDataError:
-        if radii is None and bundles is None:
+        if possible.radii is None:
             raise
-        return _fit(clouds, strands, places, motions, None, None, config)
+        return _fit(
+            clouds, strands, beside, places, motions, replace(possible, given=None, bundles=None), config
+        )
 
 
 def _fit(
     clouds: Clouds,
     strands: Sequence[Strand],
+    beside: FlatBundles,
     places: Array,
     motions: Array,
-    radii: Array | None,
-    bundles: Array | None,
+    possible: Possible,
     config: Config,
 ) -> Fitted:
     """Fit roughly, then each strand's radius, then all with the radii that were chosen."""
-    start = np.array([strand.half_width for strand in strands])
+    halves = np.array([strand.half_width for strand in strands])
     # errors of near pixels are alike, so that more points say no more
-    clouds = clouds.thin(clouds.find_fit_step(float(start.min())))
-    possible = radii if radii is not None else bundles
-    if possible is not None:
-        start = _choose(possible, start)
-    curves = [_make_spline(strand, radius, config) for strand, radius in zip(strands, start, strict=True)]
-    each = list(range(len(strands)))
+    clouds = clouds.thin(clouds.find_fit_step(float(halves.min())))
+    chosen = halves if possible.radii is None else _choose(possible.radii, halves)
+    spans = np.where(beside.flat, halves, chosen)
+    curves = [_make_spline(strand, span, config) for strand, span in zip(strands, spans, strict=True)]
+    start = beside.list_radii(np.where(beside.flat, beside.radius * np.sqrt(beside.wires), chosen))
+    classes = beside.classes[beside.owners].tolist()
     rough = fit_curves(
-        clouds, curves, each, motions, start, config, tolerance=ROUGH_TOLERANCE, uncertainty=False
+        clouds,
+        beside.lay(curves),
+        classes,
+        motions,
+        start,
+        config,
+        tolerance=ROUGH_TOLERANCE,
+        uncertainty=False,
     )
     prior = np.column_stack([start, _RADIUS_SD * start])
     along_ray: dict[str, Any] = {"along_ray": True, "band": (0.5, 0.5), "iterations": 30}
     alone = fit_curves(
         clouds,
         rough.curves,
-        each,
+        classes,
         rough.motions,
         start,
         config,
@@ -138,32 +149,39 @@ def _fit(
         tolerance=ROUGH_TOLERANCE,
         **along_ray,
     )
-    widths = _weigh_radii(strands, alone, start)
-    final, deviation = _choose_final(widths, list_pairs(strands, len(places)), radii, bundles)
+    masks = beside.list_radii(halves / np.sqrt(beside.wires))
+    widths = beside.list_widths(_weigh_radii(masks, alone, start))
+    final, deviation = _choose_final(widths, list_pairs(strands, len(places)), possible)
+    radii = beside.list_radii(final)
     if deviation is not None:
-        along_ray["radius_prior"] = np.column_stack([final, deviation * final])
+        along_ray["radius_prior"] = np.column_stack([radii, deviation * radii])
     try:
         fit = fit_curves(
-            clouds, alone.curves, each, alone.motions, final, config, uncertainty=True, **along_ray
+            clouds, alone.curves, classes, alone.motions, radii, config, uncertainty=True, **along_ray
         )
     except NotEnoughDataError:
         # radii that the points do not support leave none on a tube
-        fit = fit_curves(clouds, rough.curves, each, rough.motions, start, config, uncertainty=True)
+        fit = fit_curves(clouds, rough.curves, classes, rough.motions, start, config, uncertainty=True)
+    final = beside.list_widths(fit.radii)
+    fit = beside.merge(fit, np.where(beside.flat, halves, final))
     parts = _cut(fit, strands)
     places, covariances, parts = _share_points(fit, parts, strands, places)
     closed = [strand.closed for strand in strands]
     chains = make_chains(fit, parts, closed, fit.radii_sd[fit.radius_classes], config)
-    chains = [_bend_to(chain, strand, places) for chain, strand in zip(chains, strands, strict=True)]
+    chains = [
+        replace(_bend_to(chain, strand, places), radius=width)
+        for chain, strand, width in zip(chains, strands, final.tolist(), strict=True)
+    ]
     sizes = [len(points) for points in clouds.points]
     return Fitted(fit, sizes, chains, places, covariances, final if deviation is None else widths)
 
 
 def _choose_final(
-    widths: Array, pairs: Sequence[tuple[int, int]], radii: Array | None, bundles: Array | None
+    widths: Array, pairs: Sequence[tuple[int, int]], possible: Possible
 ) -> tuple[Array, float | None]:
     """Return the radius of each strand, and its relative deviation; None if it is held."""
     final, deviation = widths, _RADIUS_SD
-    for some, is_held in ((radii, True), (bundles, False)):
+    for some, is_held in ((possible.given, True), (possible.bundles, False)):
         if some is None:
             continue
         chosen = choose_radii(widths, pairs, some)
@@ -173,9 +191,8 @@ def _choose_final(
     return final, deviation
 
 
-def _weigh_radii(strands: Sequence[Strand], fit: TubeFit, radii: Array) -> Array:
-    """Return radii of strands by tubes and by masks: points with much noise make tubes too thick."""
-    masks = np.array([strand.half_width for strand in strands])
+def _weigh_radii(masks: Array, fit: TubeFit, radii: Array) -> Array:
+    """Return radii of classes by tubes and by masks: points with much noise make tubes too thick."""
     tube_sd = _TUBE_SD * (1.0 + (fit.sigma / (_NOISY * radii)) ** 2)
     share = tube_sd**-2.0 / (tube_sd**-2.0 + _MASK_SD**-2.0)
     return np.asarray(np.exp(share * np.log(fit.radii) + (1.0 - share) * np.log(masks)))

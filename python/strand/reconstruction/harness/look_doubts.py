@@ -16,6 +16,7 @@ from strand.ropes.doubt import Doubt
 _GRAZING = 0.35  # cosine of the angle between up and the steepest view below which it tells little
 _GRAZING_DOUBT = 0.8  # doubt of views along the table
 _BESIDE = 1.25  # distance from a strand's line that it covers, its half widths
+_CORNERS = 1.6  # the same of wires side by side, whose ends have corners
 _EDGE = 1.5  # the same in addition, cells
 _STUB = 1.3  # area that no strand covers at least, squared least radii
 _STUB_DOUBT = 0.15  # doubt of each
@@ -85,7 +86,7 @@ def doubt_uncovered(found: FoundHarness) -> Iterator[Doubt]:
     """Doubt a harness at pieces of the map's mask that no strand covers, as a short branch would be."""
     drawn = found.drawn
     left = drawn.mask & drawn.seen
-    for strand in found.strands:
+    for strand, is_flat in zip(found.strands, found.beside.flat, strict=True):
         places, _ = drawn.flatten(strand.nodes)
         cells = np.argwhere(left).astype(np.float64)
         if not len(cells):
@@ -93,7 +94,7 @@ def doubt_uncovered(found: FoundHarness) -> Iterator[Doubt]:
         flat = np.zeros((len(cells), 1))
         line = np.column_stack([places, np.zeros(len(places))])
         away = np.sqrt(_core.find_squared_distances(np.hstack([cells, flat]), line))
-        reach = _BESIDE * strand.half_width / drawn.cell + _EDGE
+        reach = (_CORNERS if is_flat else _BESIDE) * strand.half_width / drawn.cell + _EDGE
         near = cells[away < reach].astype(np.int64)
         left[near[:, 0], near[:, 1]] = False
     numbers = _core.number_blobs(np.ascontiguousarray(left))

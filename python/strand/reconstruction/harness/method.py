@@ -12,6 +12,7 @@ import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.config import Config
 from strand.reconstruction.harness.alone import find_alone, trace_ropes
+from strand.reconstruction.harness.flat_bundles import FlatBundles, find_flat_bundles, square_ends
 from strand.reconstruction.harness.ground import Ground, find_ground
 from strand.reconstruction.harness.groups import list_layouts
 from strand.reconstruction.harness.joint_fit import Fitted, fit_harness
@@ -26,7 +27,7 @@ from strand.reconstruction.harness.strands import (
     reach_edges,
 )
 from strand.reconstruction.harness.surface_map import SurfaceMap, make_map
-from strand.reconstruction.harness.wires import choose_radii, list_bundles
+from strand.reconstruction.harness.wires import Possible, choose_radii, list_bundles
 from strand.reconstruction.stages import Observed, Run
 from strand.reconstruction.tubes.clouds import Clouds
 from strand.reconstruction.wide_surfaces import describe_surface
@@ -58,6 +59,8 @@ class FoundHarness:
     decided : Decisions
     strands : list of Strand
         Before the fit.
+    beside : FlatBundles
+        Which strands are wires side by side.
     places : (J, 3) ndarray
         The junctions before the fit, metres.
     fitted : Fitted
@@ -70,6 +73,7 @@ class FoundHarness:
     lines: Lines
     decided: Decisions
     strands: list[Strand]
+    beside: FlatBundles
     places: Array
     fitted: Fitted
     traced: bool
@@ -99,11 +103,23 @@ def find_harnesses(
     strand.NotEnoughDataError
         If the points show no ropes from above.
     """
-    radii = (float(observed.radii.values.min()), float(observed.radii.values.max()))
+    values = observed.radii.values
+    asked = _Asked(
+        observed,
+        (float(values.min()), float(values.max())),
+        Possible(
+            None if observed.radii.free or observed.radii.held else values,
+            None if wire is None else list_bundles(wire),
+        ),
+        wire,
+        net,
+        config,
+        run,
+    )
     with run.stage("register"):
-        ground = find_ground(observed, radii)
+        ground = find_ground(observed, asked.extremes)
     ropes = cache(lambda: trace_ropes(observed, config, run))
-    first = _look(ground, ground.up, observed, ropes, config, run, wire, net)
+    first = _look(ground, ground.up, ropes, asked)
     yield first
     if first.traced:
         return
@@ -112,26 +128,27 @@ def find_harnesses(
     if not _LEAST_COSINE < float(toward @ ground.up) < _SAME_COSINE or run.skips(SECOND_LOOK):
         return
     try:
-        yield _look(ground, toward, observed, ropes, config, run, wire, net)
+        yield _look(ground, toward, ropes, asked)
     except NotEnoughDataError:
         return
 
 
-def _look(
-    ground: Ground,
-    toward: Array,
-    observed: Observed,
-    ropes: Callable[[], list[Chain]],
-    config: Config,
-    run: Run,
-    wire: float | None,
-    net: Netlist | None,
-) -> FoundHarness:
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """What all looks are asked: the views, the radii and the wire that strands may have, the netlist."""
+
+    observed: Observed
+    extremes: tuple[float, float]
+    possible: Possible
+    wire: float | None
+    net: Netlist | None
+    config: Config
+    run: Run
+
+
+def _look(ground: Ground, toward: Array, ropes: Callable[[], list[Chain]], asked: _Asked) -> FoundHarness:
     """Return the graph as it looks against a unit vector; `ropes` returns the chains of tubes."""
-    given = None if observed.radii.free or observed.radii.held else observed.radii.values
-    bundles = None if wire is None else list_bundles(wire)
-    possible = given if given is not None else bundles
-    radii = (float(observed.radii.values.min()), float(observed.radii.values.max()))
+    observed, run, possible = asked.observed, asked.run, asked.possible
     with run.stage("map"):
         drawn = make_map(
             ground.clouds,
@@ -139,38 +156,42 @@ def _look(
             ground.floor,
             ground.up,
             toward,
-            radii,
+            asked.extremes,
             observed.held,
         )
-        lines = trace_lines(drawn, radii[0])
+        lines = trace_lines(drawn, asked.extremes[0])
     with run.stage("places"):
         if len(lines.arcs) > _MAX_STRANDS:
             raise NotEnoughDataError(
                 f"views: the points make {len(lines.arcs)} strands, at most {_MAX_STRANDS}: a net, or noise; "
                 "give bounds or masks of the ropes alone"
             )
-        decided = _decide(lines, drawn, ground.table is not None, possible, net)
-        strands = follow_strands(lines, decided, drawn, possible)
+        decided = _decide(lines, drawn, ground.table is not None, possible.radii, asked.net)
+        strands = follow_strands(lines, decided, drawn, possible.radii)
         if not strands:
             raise NotEnoughDataError("views: the points make no strand; is the radius right, in metres?")
-        _refuse_surfaces(strands, observed, radii[1])
+        _refuse_surfaces(strands, observed, asked.extremes[1])
         places = _lift_junctions(decided, strands)
+        strands = drop_collapsed(strands)
+        beside = find_flat_bundles(strands, drawn, ground.table, asked.wire)
         ask = (
             0 < len(lines.hubs) <= _MAX_ASKED
-            and net is None
-            and not _are_bundles(strands, len(places), given)
+            and asked.net is None
+            and not beside.flat.any()
+            and not _are_bundles(strands, len(places), possible.given)
         )
         alone = find_alone(ropes(), drawn) if ask else None
         if alone is not None:
             strands, places = [reach_edges(strand, drawn) for strand in alone], np.zeros((0, 3))
-        strands = drop_collapsed(strands)
+            beside = find_flat_bundles(strands, drawn, ground.table, asked.wire)
+        strands = square_ends(strands, beside, drawn)
     with run.stage("fit"):
         centers = np.array([view.viewpoint for view in observed.views])
         clouds = Clouds(
             [_core.copy_constant(cloud) for cloud in ground.given], centers, observed.held, observed.bounds
         )
-        fitted = fit_harness(clouds, strands, places, ground.motions, given, bundles, config)
-    return FoundHarness(drawn, ground, lines, decided, strands, places, fitted, alone is not None)
+        fitted = fit_harness(clouds, strands, beside, places, ground.motions, possible, asked.config)
+    return FoundHarness(drawn, ground, lines, decided, strands, beside, places, fitted, alone is not None)
 
 
 def _decide(

@@ -27,6 +27,28 @@ _ROUNDS = 20  # of improving the radii junction by junction at most
 
 
 @dataclass(frozen=True, eq=False)
+class Possible:
+    """The radii that strands may have.
+
+    Attributes
+    ----------
+    given : (K,) ndarray or None
+        The radii that ropes have, in rising order, metres; None if nobody knows.
+    bundles : (K,) ndarray or None
+        Those of round bundles of 1, 2, 3 ... wires, metres, which strands have about, if they have none of
+        `given`; None if the wire is not known.
+    """
+
+    given: Array | None
+    bundles: Array | None
+
+    @property
+    def radii(self) -> Array | None:
+        """Those that come first."""
+        return self.bundles if self.given is None else self.given
+
+
+@dataclass(frozen=True, eq=False)
 class Choice:
     """The radius of each strand.
 

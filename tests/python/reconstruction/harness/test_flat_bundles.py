@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import strand
+from strand.reconstruction.harness.flat_bundles import FlatBundles
 from strand.synthetic import Noise, harness
 
 
@@ -22,3 +23,37 @@ def test_round_bundles_raise_no_doubt_of_wires_side_by_side():
     made = harness("tree", seed=0, views=3, noise=Noise(depth=0.0003))
     model = strand.reconstruct(made.views, sorted(set(made.radii)), made.bounds, branches=True)
     assert not any("side by side" in doubt.reason for doubt in model.doubts)
+
+
+@pytest.mark.parametrize("seed", [3, 9, 14])
+def test_the_line_of_wires_side_by_side_runs_in_their_middle(seed):
+    made = harness("tied", seed=seed, views=3, noise=Noise(depth=0.0003))
+    wire = made.radii[0] / np.sqrt(made.wires[0])
+    model = strand.reconstruct(made.views, sorted(set(made.radii)), made.bounds, branches=True)
+    nodes = np.concatenate([edge.chain.points for edge in model.harness.edges])
+    for truth, wires in zip(made.truth, made.wires, strict=True):
+        # wires begin to part near junctions
+        inner = truth[len(truth) // 4 : -len(truth) // 4]
+        away = np.linalg.norm(inner[:, None] - nodes, axis=2).min(axis=1)
+        assert np.median(away) < 0.5 * wire, wires
+    ends = np.array([node.position for node in model.harness.nodes if node.degree == 1])
+    for node, place in enumerate(made.nodes):
+        if sum(node in pair for pair in made.edges) == 1:
+            assert np.linalg.norm(ends - place, axis=1).min() < 2.0 * wire
+
+
+def test_wires_side_by_side_are_tubes_whose_mean_is_their_strand():
+    control = np.column_stack([np.linspace(0.0, 0.2, 9), np.zeros(9), np.zeros(9)])
+    bundles = FlatBundles(np.array([1, 4]), 0.003, np.array([0.0, 0.0, 1.0]))
+    tubes = bundles.lay([control, control])
+    assert [len(tube) for tube in tubes] == [9] * 5
+    np.testing.assert_array_equal(tubes[0], control)
+    np.testing.assert_allclose(np.mean(tubes[1:], axis=0), control, atol=1e-15)
+    aside = sorted(float(tube[0, 1]) for tube in tubes[1:])
+    np.testing.assert_allclose(aside, [-0.009, -0.003, 0.003, 0.009], atol=1e-15)
+    assert bundles.owners.tolist() == [0, 1, 1, 1, 1]
+    # a round bundle of four wires is twice as thick as one
+    np.testing.assert_allclose(
+        bundles.list_widths(bundles.list_radii(np.array([0.005, 0.006]))), [0.005, 0.006]
+    )
+    assert bundles.list_radii(np.array([0.005, 0.006])).tolist() == [0.005, 0.003]
