@@ -181,7 +181,9 @@ def _is_ring(cells: Array) -> bool:
 
 def _lead_to(cells: Array, place: Array) -> Array:
     """Return cells that end at a place: cut where they pass nearest to it, then led to it."""
-    nearest = int(np.linalg.norm(cells - place, axis=1).argmin())
+    # the other half of a loop may start at the same place
+    half = len(cells) // 2
+    nearest = half + int(np.linalg.norm(cells[half:] - place, axis=1).argmin())
     kept = cells[: nearest + 1] if nearest > 1 else cells
     return np.vstack([kept, place])
 

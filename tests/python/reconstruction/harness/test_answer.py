@@ -54,7 +54,8 @@ def test_one_view_hides_what_a_look_from_its_camera_shows(kind, seed):
     made = harness(kind, seed=seed, views=1, noise=Noise(depth=0.0005))
     model = strand.reconstruct(made.views, sorted(set(made.radii)), made.bounds, branches=True)
     check_graph(made, model)
-    assert model.confidence > 0.5
+    # the look from above shows another graph
+    assert 0.3 < model.confidence < 0.9
 
 
 def test_the_models_chains_are_the_edges():
