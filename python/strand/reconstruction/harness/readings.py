@@ -24,6 +24,9 @@ _WIDTH = 0.46  # relative difference of its widths that costs 1
 _RISE = 0.8  # height of the upper strand over the lower one at least, radii
 _LEVEL = 0.25  # difference of heights at a junction at most, radii
 _RISE_SD = 0.35  # radii: deviation of these
+_TOUCH = 0.7  # distance of the axes of strands that touch at most, sums of their widths
+_VALLEY = 0.5  # depth of the valley between them at least, radii
+_LOWEST = 15.0  # percentile of the heights between them that tells how deep it is
 _RISE_WEIGHT = 2.0  # of a missing rise at a crossing
 _LEVEL_WEIGHT = 4.0  # of a rise at a junction
 _MAX_LEVEL = 8.0  # of that at most
@@ -146,9 +149,14 @@ def _read_three(own: Sequence[Port], drawn: SurfaceMap, on_table: bool) -> list[
         rise = end.near - max(some.rest, other.rest) - (1.0 + drawn.ridge) * max(thicker, 0.0)
         drop = end.near - end.rest
         bump = min(some.near, other.near) - max(port.rest for port in own)
+        # a strand that is short, or lies high for long, makes no bump
+        bottoms = [
+            port.near - (1.0 + drawn.ridge) * drawn.cell * port.half_width for port in (some, other, end)
+        ]
+        lift = min(bottoms[:2]) - bottoms[2]
         for under, heights in (
             (False, (rise - _LAID_RISE * radius, drop - _LAID_DROP * radius)),
-            (True, (bump - _LAID_RISE * radius,)),
+            (True, (max(bump, lift) - _LAID_RISE * radius,)),
         ):
             low = sum(min(0.0, height) ** 2 for height in heights)
             cost = straight + _RISE_WEIGHT * low / deviation**2
@@ -170,7 +178,10 @@ def _read_four(
     scale = drawn.cell * drawn.ridge
     readings, levels = [], []
     for pairs in _PAIRINGS:
-        if any(_turn_back(pair, hubs) for pair in pairs):
+        across = _lie_across(own, pairs)
+        turned = any(_turn_back(pair, hubs) for pair in pairs)
+        # an arc as long as two half widths lies between the axes of strands that touch
+        if turned and (across or not on_table or len(middle) > _TOUCH * sum(port.half_width for port in own)):
             continue
         first, second = (0.5 * (own[i].height + own[j].height) for i, j in pairs)
         # axes, as strands of different widths that lie on a table differ in their surfaces
@@ -179,10 +190,19 @@ def _read_four(
         if on_table:
             rise = max(rise, top - rest)
         cost = sum(_price_continuation(own[i], own[j]) for i, j in pairs)
-        cost += _RISE_WEIGHT * (max(0.0, _RISE * radius - rise) / deviation) ** 2
-        readings.append(Reading(cost, (), pairs, (first, second), (second, first)))
         # an end that lies on a strand makes a rise too
-        levels.append(_price_rise(rise, radius, deviation))
+        level = _price_rise(rise, radius, deviation)
+        if on_table and not across:
+            if turned:
+                # a branch has no valley
+                lowest = float(np.percentile(drawn.sample_heights(middle), _LOWEST))
+                valley = lowest - min(first, second)
+                level = max(level, _price_rise(valley + _VALLEY * radius, radius, deviation))
+            readings.append(Reading(cost + level, (), pairs, (first, second), (first, second)))
+        else:
+            cost += _RISE_WEIGHT * (max(0.0, _RISE * radius - rise) / deviation) ** 2
+            readings.append(Reading(cost, (), pairs, (first, second), (second, first)))
+        levels.append(level)
     if joined:
         level = levels[int(np.argmin([reading.cost for reading in readings]))] if readings else 0.0
         readings.append(Reading(2.0 * _BRANCH + level, (0, 1, 2, 3)))
@@ -227,6 +247,15 @@ def _read_five(
 def _price_rise(rise: float, radius: float, deviation: float) -> float:
     """Return the cost of a rise, metres, at a place where all strands are joined."""
     return min(_LEVEL_WEIGHT * (max(0.0, rise - _LEVEL * radius) / deviation) ** 2, _MAX_LEVEL)
+
+
+def _lie_across(own: Sequence[Port], pairs: Sequence[tuple[int, int]]) -> bool:
+    """Tell whether two strands cross in the plan; others touch, side by side."""
+    places = np.array([port.place for port in own])
+    ways = places - places.mean(axis=0)
+    turns = np.arctan2(ways[:, 1], ways[:, 0])
+    (first, last), other = sorted(turns[list(pairs[0])]), turns[list(pairs[1])]
+    return int(((other > first) & (other < last)).sum()) == 1
 
 
 def _turn_back(pair: tuple[int, int], hubs: Sequence[int]) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -82,6 +84,40 @@ def test_an_end_under_a_strand_is_an_end():
     decided = decide([((20, 120), (120, 120), LOW, LOW), *over])
     assert not decided.junctions
     assert [laid.under for laid in decided.laid] == [True]
+
+
+def test_an_end_under_a_strand_that_lies_high_for_long_is_an_end():
+    # no part of the upper strand lies on the table
+    over = [((120, 60), (120, 180), HIGH, HIGH)]
+    decided = decide([((20, 120), (120, 120), LOW, LOW), *over])
+    assert not decided.junctions
+    assert [laid.under for laid in decided.laid] == [True]
+
+
+@pytest.mark.parametrize("bend", [12.0, 20.0])
+def test_strands_that_touch_side_by_side_stay_apart(bend):
+    strands = [
+        (start, (120, column), LOW, LOW)
+        for column, outer in ((115.5, 115.5 - bend), (124.5, 124.5 + bend))
+        for start in ((20, outer), (220, outer))
+    ]
+    decided = decide(strands)
+    assert not decided.junctions
+    assert len({passing.place for passing in decided.passings}) == 1
+    # neither hides the other
+    assert all(passing.height == passing.other for passing in decided.passings)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_loop_from_a_junction_keeps_its_length(side):
+    angles = np.linspace(0.0, 2.0 * np.pi, 41)
+    ring = np.column_stack([120.0 - 40.0 * np.cos(angles), 120.0 + side * 40.0 * np.sin(angles)])
+    loop = [(*map(tuple, pair), LOW, LOW) for pair in pairwise(ring)]
+    drawn = draw([((20, 118), (80, 120), LOW, LOW), *loop])
+    lines = trace_lines(drawn, RADIUS)
+    strands = follow_strands(lines, decide_places(lines, drawn, on_table=True), drawn, None)
+    lengths = [np.linalg.norm(np.diff(strand.nodes, axis=0), axis=1).sum() for strand in strands]
+    assert max(lengths) == pytest.approx(CELL * 80.0 * np.pi, rel=0.1)
 
 
 def test_a_diagonal_strand_keeps_its_length():
