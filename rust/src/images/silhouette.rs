@@ -115,7 +115,15 @@ impl Silhouette {
             ragged: filled.ragged,
             surroundings: None,
         };
-        made.mask.values = (0..w * h).map(|k| made.pixel_distance(k % w, k / w) > 0.0).collect();
+        let mut mask = vec![false; w * h];
+        parallel::rows(&mut mask, w, |first, part| {
+            for (row, y) in part.chunks_exact_mut(w).zip(first..) {
+                for (inside, x) in row.iter_mut().zip(0..) {
+                    *inside = made.pixel_distance(x, y) > 0.0;
+                }
+            }
+        });
+        made.mask.values = mask;
         made.find_boundary(w, h);
         Some(made)
     }

@@ -38,8 +38,8 @@ pub(super) fn measure_heights<'py>(
         let camera = Pinhole { focal, center };
         let seen = DepthPixels { depth: image.slice(), width: shape[1].max(1), camera, pose };
         let (above, counts) = heights::measure_heights(&seen, plane, within.as_ref());
-        let depths = seen.depth.iter().zip(&counts).filter(|(_, counts)| **counts).map(|(z, _)| *z);
-        let middle = median_of_many(depths.collect());
+        let depths = || seen.depth.iter().zip(&counts).filter(|(_, counts)| **counts).map(|(z, _)| *z);
+        let middle = median_of_many(depths);
         (above, counts, middle)
     })?;
     Ok((constant(py, above, shape)?, constant(py, counts, shape)?, middle))

@@ -2,7 +2,6 @@
 
 use super::planar::{Place, distance, length, resampled, smoothed};
 use super::skeleton::Net;
-use crate::images::image::Image;
 use crate::images::strokes::Strokes;
 use crate::images::thinning::thinned;
 
@@ -60,11 +59,10 @@ impl Skeleton {
     pub fn new(strokes: &Strokes, radius_px: f64, spur: f64) -> Self {
         let scale = strokes.scale as f64;
         let [width, height] = strokes.size;
-        let mut numbers = Image::filled(width, height, 0u32);
         let mut pixels = strokes.skeleton.clone();
         let depth_at = |k: usize| strokes.depth(k);
         let (net, junction) = loop {
-            let net = Net::new(pixels, width, &mut numbers);
+            let net = Net::new(pixels, width);
             let junction: Vec<bool> = (0..net.len()).map(|i| net.near(i).len() >= 3).collect();
             let gone = find_spurs(&net, &junction, spur * radius_px, radius_px, scale, depth_at);
             if gone.is_empty() {

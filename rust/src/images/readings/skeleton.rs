@@ -20,7 +20,7 @@ pub fn trace(mask: &Image<bool>) -> Traced {
     for (row, values) in mask.values.chunks_exact(mask.width.max(1)).enumerate() {
         framed.values[(row + MARGIN) * width + MARGIN..][..mask.width].copy_from_slice(values);
     }
-    let net = Net::new(find_whole_skeleton(&framed), width, &mut Image::filled(width, height, 0u32));
+    let net = Net::new(find_whole_skeleton(&framed), width);
     let place = |i: usize| [net.pixels[i] / width - MARGIN, net.pixels[i] % width - MARGIN].map(|x| x as i64);
     let meeting: Vec<bool> = (0..net.len()).map(|i| net.near(i).len() >= 3).collect();
     let (numbers, count) = net.groups(&meeting);
@@ -60,35 +60,33 @@ pub struct Line {
     pub ends: [u32; 2],
 }
 
-/// Returns the eight neighbours of a pixel, clockwise from above.
-#[inline(always)]
-fn list_neighbors(k: usize, w: usize) -> [usize; 8] {
-    [k - w, k - w + 1, k + 1, k + w + 1, k + w, k + w - 1, k - 1, k - w - 1]
-}
-
 impl Net {
-    /// Connects set pixels.
-    pub fn new(pixels: Vec<usize>, width: usize, numbers: &mut Image<u32>) -> Self {
-        for (i, &k) in pixels.iter().enumerate() {
-            numbers.values[k] = i as u32 + 1;
-        }
+    /// Connects pixels, which ascend and are not on the image's border.
+    pub fn new(pixels: Vec<usize>, width: usize) -> Self {
         let mut near = Vec::with_capacity(pixels.len());
         let mut degrees = Vec::with_capacity(pixels.len());
-        for &k in &pixels {
+        // the first pixels that are not before the one above to the left, and below to the left
+        let (mut above, mut below) = (0, 0);
+        for (i, &k) in pixels.iter().enumerate() {
+            let seek = |from: &mut usize, pixel: usize| {
+                while *from < pixels.len() && pixels[*from] < pixel {
+                    *from += 1;
+                }
+                [pixel, pixel + 1, pixel + 2]
+                    .map(|pixel| (*from..pixels.len().min(*from + 3)).find(|&j| pixels[j] == pixel))
+            };
+            let [nw, n, ne] = seek(&mut above, k - width - 1);
+            let [sw, s, se] = seek(&mut below, k + width - 1);
+            let w = i.checked_sub(1).filter(|&j| pixels[j] + 1 == k);
+            let e = Some(i + 1).filter(|&j| pixels.get(j) == Some(&(k + 1)));
             let (mut list, mut count) = ([0; 8], 0);
             // straight neighbours first, so that lines do not cut corners
-            let r = list_neighbors(k, width);
-            for n in [r[2], r[4], r[6], r[0], r[3], r[5], r[1], r[7]] {
-                if numbers.values[n] != 0 {
-                    list[count] = numbers.values[n] - 1;
-                    count += 1;
-                }
+            for j in [e, s, w, n, se, sw, ne, nw].into_iter().flatten() {
+                list[count] = j as u32;
+                count += 1;
             }
             near.push(list);
             degrees.push(count as u8);
-        }
-        for &k in &pixels {
-            numbers.values[k] = 0;
         }
         Self { pixels, near, degrees, width }
     }
