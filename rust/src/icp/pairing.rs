@@ -93,7 +93,7 @@ kernel! {
         let mut sums = [[0.0; LANES]; TERMS];
         for batch in batches {
             let moved = moved_to(&batch.points, pose);
-            let step = batch.find_longest_step(&pairing.pose, pose) + pairing.rounding;
+            let steps = squares(&moved, &moved_to(&batch.points, &pairing.pose)).map(f64::sqrt);
             let mut targets = [[0.0; BATCH]; 3];
             for l in 0..BATCH {
                 let partner = pairing.sorted.get(batch.partners[l] as usize).unwrap_or(&origin);
@@ -104,8 +104,8 @@ kernel! {
             let apart = squares(&moved, &targets);
             let mut same = [true; BATCH];
             for l in 0..BATCH {
-                batch.others[l] -= step;
-                batch.beyond[l] -= step;
+                batch.others[l] -= steps[l] + pairing.rounding;
+                batch.beyond[l] -= steps[l] + pairing.rounding;
                 let nearest = is_below(apart[l], batch.others[l]);
                 // then it does not matter which is the nearest
                 let none =

@@ -21,9 +21,6 @@ pub struct Batch {
     pub count: usize,
     /// Source frame; lanes without a point repeat the first.
     pub points: [[f64; BATCH]; 3],
-    /// A ball around these points.
-    center: Point,
-    radius: f64,
     /// Positions of the nearest target points in the cells' order; NONE if they are out of reach.
     pub partners: [u32; BATCH],
     /// All other target points are farther than this.
@@ -32,16 +29,6 @@ pub struct Batch {
     pub listed: [[u32; LISTED]; BATCH],
     /// All target points that are not listed are farther than this.
     pub beyond: [f64; BATCH],
-}
-
-impl Batch {
-    /// Returns how far a change of the pose moves a point at most, but for rounding.
-    #[inline(always)]
-    pub fn find_longest_step(&self, before: &RigidMotion, after: &RigidMotion) -> f64 {
-        let turn = (after.rotation - before.rotation).norm();
-        let center = squared_distance(before.apply(self.center), after.apply(self.center)).sqrt();
-        center + turn * self.radius
-    }
 }
 
 /// Two clouds and their pairs.
@@ -84,10 +71,8 @@ impl Pairing {
             .into_iter()
             .map(|indices| {
                 let mut points = [[0.0; BATCH]; 3];
-                let mut bounds = Bounds::NONE;
                 for l in 0..BATCH {
                     let x = source[*indices.get(l).unwrap_or(&indices[0]) as usize];
-                    bounds.add(x);
                     for k in 0..3 {
                         points[k][l] = x[k];
                     }
@@ -95,8 +80,6 @@ impl Pairing {
                 Batch {
                     count: indices.len(),
                     points,
-                    center: bounds.middle(),
-                    radius: 0.5 * bounds.diagonal(),
                     partners: [NONE; BATCH],
                     others: [-1.0; BATCH],
                     listed: [[NONE; LISTED]; BATCH],
