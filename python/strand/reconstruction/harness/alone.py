@@ -23,6 +23,7 @@ from strand.support.checks import Array
 
 _MAX_VIEWS = 3  # more hardly make chains surer
 _MIN_TRUST = 0.8  # of chains that count
+_ALIKE = 1.4  # ratio of a radius and the half width of a strand's mask at most
 _MEETING = 0.5  # gap between an end's axis and a strand's surface where they meet at most, radii
 _LEVEL = 0.5  # difference of their heights there at most, sums of their radii
 _OWN = 6.0  # stretch of rope at an end that it cannot meet, radii
@@ -53,6 +54,16 @@ def trace_ropes(observed: Observed, config: Config, run: Run) -> list[Chain]:
     # how far an end reaches is no question of branches
     doubts = [doubt for doubt in found.doubts or () if doubt.kind != "end"]
     return list(found.chains) if compute_trust(doubts) >= _MIN_TRUST else []
+
+
+def list_seen_radii(radii: Array, halves: Sequence[float]) -> tuple[int, ...]:
+    """Return the numbers of the radii that strands of some half widths may have; all if none may be any.
+
+    Where nobody gave them, some are those of noise. The thinnest ones take tubes longest.
+    """
+    ratios = np.abs(np.log(radii[:, None] / np.array(halves)))
+    seen = np.flatnonzero(ratios.min(axis=1) < np.log(_ALIKE))
+    return tuple(seen.tolist() if len(seen) else range(len(radii)))
 
 
 def find_alone(chains: Sequence[Chain], drawn: SurfaceMap) -> list[Strand] | None:

@@ -11,7 +11,7 @@ import numpy as np
 import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.config import Config
-from strand.reconstruction.harness.alone import find_alone, trace_ropes
+from strand.reconstruction.harness.alone import find_alone, list_seen_radii, trace_ropes
 from strand.reconstruction.harness.flat_bundles import FlatBundles, find_flat_bundles, square_ends
 from strand.reconstruction.harness.ground import Ground, find_ground
 from strand.reconstruction.harness.groups import list_layouts
@@ -118,7 +118,7 @@ def find_harnesses(
     )
     with run.stage("register"):
         ground = find_ground(observed, asked.extremes)
-    ropes = cache(lambda: trace_ropes(observed, config, run))
+    ropes = cache(lambda some: trace_ropes(replace(observed, radii=observed.radii.select(some)), config, run))
     first = _look(ground, ground.up, ropes, asked)
     yield first
     if first.traced:
@@ -131,6 +131,9 @@ def find_harnesses(
         yield _look(ground, toward, ropes, asked)
     except NotEnoughDataError:
         return
+
+
+_TraceRopes = Callable[[tuple[int, ...]], list[Chain]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +149,8 @@ class _Asked:
     run: Run
 
 
-def _look(ground: Ground, toward: Array, ropes: Callable[[], list[Chain]], asked: _Asked) -> FoundHarness:
-    """Return the graph as it looks against a unit vector; `ropes` returns the chains of tubes."""
+def _look(ground: Ground, toward: Array, ropes: _TraceRopes, asked: _Asked) -> FoundHarness:
+    """Return the graph as it looks against a unit vector; `ropes` returns chains of tubes of some radii."""
     observed, run, possible = asked.observed, asked.run, asked.possible
     with run.stage("map"):
         drawn = make_map(
@@ -180,7 +183,8 @@ def _look(ground: Ground, toward: Array, ropes: Callable[[], list[Chain]], asked
             and not beside.flat.any()
             and not _are_bundles(strands, len(places), possible.given)
         )
-        alone = find_alone(ropes(), drawn) if ask else None
+        seen = list_seen_radii(observed.radii.values, [strand.half_width for strand in strands])
+        alone = find_alone(ropes(seen), drawn) if ask else None
         if alone is not None:
             strands, places = [reach_edges(strand, drawn) for strand in alone], np.zeros((0, 3))
             beside = find_flat_bundles(strands, drawn, ground.table, asked.wire)
