@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from strand._core import TubeFit
 from strand.geometry.plane import Plane
 from strand.geometry.polyline import path_length
+from strand.reconstruction.harness.places import Decisions
+from strand.reconstruction.harness.ports import measure_along
 from strand.reconstruction.harness.strands import Strand
 from strand.reconstruction.harness.surface_map import SurfaceMap
 from strand.support.checks import Array
@@ -19,6 +21,8 @@ _FLAT = 0.65  # height of the surface over the table at most, widths: two wires 
 _INSIDE = (0.125, 0.875)  # stretch of a strand that tells, of its nodes
 _ACROSS = np.linspace(-0.8, 0.8, 17)  # half widths: places across a strand, of which some lie on wires' backs
 _BACK = 85.0  # percentile of the heights across a strand that is the height of the wires' backs
+_TIE = 0.25  # height of a tie over the wires' backs at least, radii of a wire
+_NEAR_TIE = 5.0  # distance of a tie from a junction that it is at most, radii of a wire
 _CORNER = 2.0  # length at a free end in which the middle line runs to a corner, half widths
 _MARCH = 0.25  # step in which the middle is sought there, half widths
 _MAX_MARCHES = 40
@@ -137,16 +141,63 @@ def _measure_shape(strand: Strand, drawn: SurfaceMap, table: Plane) -> tuple[flo
     """Return the height of a strand's surface over the table, and its half width if it is flat, metres."""
     low, high = (round(share * len(strand.nodes)) for share in _INSIDE)
     places, heights = drawn.flatten(strand.nodes[low:high])
-    across = np.gradient(places, axis=0)[:, ::-1] * (1.0, -1.0)
-    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
-    offsets = _ACROSS * strand.half_width / drawn.cell
-    around = (places[:, None] + offsets[:, None] * across[:, None]).reshape(-1, 2)
+    across, around = _list_across(places, strand.half_width / drawn.cell)
     surface = table.measure_heights(drawn.lift(around, drawn.sample_heights(around)))
-    backs = np.percentile(surface.reshape(len(places), len(offsets)), _BACK, axis=1)
+    backs = np.percentile(surface.reshape(len(places), -1), _BACK, axis=1)
     # a map drawn aslant shows flat strands narrower
     steps = drawn.lift(places + across, heights) - drawn.lift(places, heights)
     aslant = np.linalg.norm(steps, axis=1) / drawn.cell
     return float(np.median(backs)), float(np.median(aslant)) * strand.half_width
+
+
+def hold_at_ties(
+    decided: Decisions, strands: Sequence[Strand], bundles: FlatBundles, drawn: SurfaceMap
+) -> Decisions:
+    """Return decisions whose junctions of flat bundles lie at a tie near them, a bump across all wires.
+
+    Wires part behind the last tie.
+    """
+    junctions = list(decided.junctions)
+    for number, junction in enumerate(junctions):
+        at = [
+            (strand.half_width, strand.nodes if strand.ends[1] == number else strand.nodes[::-1])
+            for strand, is_flat in zip(strands, bundles.flat, strict=True)
+            if is_flat and number in strand.ends
+        ]
+        if not at:
+            continue
+        half, nodes = max(at, key=lambda found: found[0])
+        tie = _find_tie(drawn.flatten(nodes)[0], half / drawn.cell, bundles.radius, drawn)
+        if tie is not None:
+            junctions[number] = replace(junction, place=tie, tied=True)
+    return replace(decided, junctions=junctions)
+
+
+def _find_tie(places: Array, half: float, wire: float, drawn: SurfaceMap) -> Array | None:
+    """Return the cell of the last tie near the end of a flat strand; None if none is near it."""
+    heading = places[-1] - places[np.linalg.norm(places - places[-1], axis=1) <= 2.0 * half][0]
+    heading /= max(float(np.linalg.norm(heading)), 1e-9)
+    reach = _NEAR_TIE * wire / drawn.cell
+    beyond = places[-1] + np.arange(0.5, reach, 0.5)[:, None] * heading
+    line = np.concatenate([places, beyond])
+    along = measure_along(line) - measure_along(places)[-1]
+    heights = drawn.sample_heights(_list_across(line, half)[1])
+    backs = np.percentile(heights.reshape(len(line), -1), _BACK, axis=1)
+    level = float(np.median(backs[: len(places)]))
+    high = (backs > level + _TIE * wire) & (np.abs(along) < reach) & drawn.hold(line)
+    if not high.any():
+        return None
+    last = int(np.flatnonzero(high)[-1])
+    first = last - int(np.argmin(np.append(high[: last + 1][::-1], False))) + 1
+    return np.asarray(0.5 * (line[first] + line[last]))
+
+
+def _list_across(places: Array, half: float) -> tuple[Array, Array]:
+    """Return unit vectors (M, 2) across a line of places (M, 2), and places (M * K, 2) across it, in rows."""
+    across = np.gradient(places, axis=0)[:, ::-1] * (1.0, -1.0)
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    around = places[:, None] + (_ACROSS * half)[:, None] * across[:, None]
+    return across, around.reshape(-1, 2)
 
 
 def square_ends(strands: Sequence[Strand], bundles: FlatBundles, drawn: SurfaceMap) -> list[Strand]:

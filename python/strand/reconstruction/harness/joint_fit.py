@@ -29,6 +29,7 @@ _TUBE_SD = 0.05  # radii: deviation of radii of tubes fitted to points without n
 _NOISY = 0.1  # noise that doubles it, radii
 _MASK_SD = 0.12  # radii: deviation of half widths of a strand's mask
 _ALONG = 0.05  # weight of a junction's place in the plan over that of strands
+_HELD = 10.0  # the same of a junction whose place a tie tells
 _APART = 0.9  # distance of strands that are apart, sums of their radii
 _FARTHEST = 10.0  # distance from a junction at which strands tell where they meet at most, radii
 _TELLING = 5.0  # length of the stretch that tells, radii
@@ -75,6 +76,7 @@ def fit_harness(
     strands: Sequence[Strand],
     beside: FlatBundles,
     places: Array,
+    held: Sequence[bool],
     motions: Array,
     possible: Possible,
     config: Config,
@@ -91,6 +93,8 @@ def fit_harness(
         Which strands are wires side by side.
     places : (J, 3) ndarray
         The junctions, metres.
+    held : sequence of bool
+        Which junctions have their places along the strands.
     motions : (V, 4, 4) ndarray
         Corrections of the poses to start from.
     possible : Possible
@@ -98,12 +102,19 @@ def fit_harness(
     config : Config
     """
     try:
-        return _fit(clouds, strands, beside, places, motions, possible, config)
+        return _fit(clouds, strands, beside, places, held, motions, possible, config)
     except NotEnoughDataError:
         if possible.radii is None:
             raise
         return _fit(
-            clouds, strands, beside, places, motions, replace(possible, given=None, bundles=None), config
+            clouds,
+            strands,
+            beside,
+            places,
+            held,
+            motions,
+            replace(possible, given=None, bundles=None),
+            config,
         )
 
 
@@ -112,6 +123,7 @@ def _fit(
     strands: Sequence[Strand],
     beside: FlatBundles,
     places: Array,
+    held: Sequence[bool],
     motions: Array,
     possible: Possible,
     config: Config,
@@ -165,7 +177,7 @@ def _fit(
     final = beside.list_widths(fit.radii)
     fit = beside.merge(fit, np.where(beside.flat, halves, final))
     parts = _cut(fit, strands)
-    places, covariances, parts = _share_points(fit, parts, strands, places)
+    places, covariances, parts = _share_points(fit, parts, strands, places, held)
     closed = [strand.closed for strand in strands]
     chains = make_chains(fit, parts, closed, fit.radii_sd[fit.radius_classes], config)
     chains = [
@@ -238,7 +250,7 @@ def _cut(fit: TubeFit, strands: Sequence[Strand]) -> list[Curve]:
 
 
 def _share_points(
-    fit: TubeFit, parts: list[Curve], strands: Sequence[Strand], places: Array
+    fit: TubeFit, parts: list[Curve], strands: Sequence[Strand], places: Array, held: Sequence[bool]
 ) -> tuple[Array, Array, list[Curve]]:
     """Return each junction's place and covariance, and curves cut to where they pass it.
 
@@ -256,7 +268,8 @@ def _share_points(
         start = found[number].copy()
         normal = np.eye(3)
         for _ in range(_ROUNDS):
-            normal, right = _ALONG * np.eye(3), _ALONG * start
+            weight = _HELD if held[number] else _ALONG
+            normal, right = weight * np.eye(3), weight * start
             for way in ways:
                 nearest = int(np.linalg.norm(way[1:-1] - found[number], axis=1).argmin()) + 1
                 tangent = way[nearest + 1] - way[nearest - 1]

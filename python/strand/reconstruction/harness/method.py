@@ -12,7 +12,12 @@ import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.config import Config
 from strand.reconstruction.harness.alone import find_alone, list_seen_radii, trace_ropes
-from strand.reconstruction.harness.flat_bundles import FlatBundles, find_flat_bundles, square_ends
+from strand.reconstruction.harness.flat_bundles import (
+    FlatBundles,
+    find_flat_bundles,
+    hold_at_ties,
+    square_ends,
+)
 from strand.reconstruction.harness.ground import Ground, find_ground
 from strand.reconstruction.harness.groups import list_layouts
 from strand.reconstruction.harness.joint_fit import Fitted, fit_harness
@@ -174,6 +179,10 @@ def _look(ground: Ground, toward: Array, ropes: _TraceRopes, asked: _Asked) -> F
         if not strands:
             raise NotEnoughDataError("views: the points make no strand; is the radius right, in metres?")
         _refuse_surfaces(strands, observed, asked.extremes[1])
+        beside = find_flat_bundles(strands, drawn, ground.table, asked.wire)
+        if beside.flat.any():
+            decided = hold_at_ties(decided, strands, beside, drawn)
+            strands = follow_strands(lines, decided, drawn, possible.radii)
         places = _lift_junctions(decided, strands)
         strands = drop_collapsed(strands)
         beside = find_flat_bundles(strands, drawn, ground.table, asked.wire)
@@ -194,7 +203,8 @@ def _look(ground: Ground, toward: Array, ropes: _TraceRopes, asked: _Asked) -> F
         clouds = Clouds(
             [_core.copy_constant(cloud) for cloud in ground.given], centers, observed.held, observed.bounds
         )
-        fitted = fit_harness(clouds, strands, beside, places, ground.motions, possible, asked.config)
+        held = [] if alone is not None else [junction.tied for junction in decided.junctions]
+        fitted = fit_harness(clouds, strands, beside, places, held, ground.motions, possible, asked.config)
     return FoundHarness(drawn, ground, lines, decided, strands, beside, places, fitted, alone is not None)
 
 

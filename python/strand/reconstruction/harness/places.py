@@ -27,11 +27,14 @@ class Junction:
         The arcs' ends that meet there.
     margin : float
         Cost of the next best interpretation over this one's.
+    tied : bool
+        Whether a tie tells the place.
     """
 
     place: Array
     ends: list[End]
     margin: float
+    tied: bool = False
 
 
 @dataclass(frozen=True, eq=False)
