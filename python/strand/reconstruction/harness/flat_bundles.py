@@ -13,16 +13,18 @@ from strand.geometry.plane import Plane
 from strand.geometry.polyline import path_length
 from strand.reconstruction.harness.places import Decisions
 from strand.reconstruction.harness.ports import measure_along
-from strand.reconstruction.harness.strands import Strand
+from strand.reconstruction.harness.strands import Strand, smooth_nodes, take_medians
 from strand.reconstruction.harness.surface_map import SurfaceMap
 from strand.support.checks import Array
 
-_FLAT = 0.65  # height of the surface over the table at most, widths: two wires side by side have a half
+_FLAT = 0.59  # height of the surface over the table at most, widths: two wires side by side have a half
 _INSIDE = (0.125, 0.875)  # stretch of a strand that tells, of its nodes
 _ACROSS = np.linspace(-0.8, 0.8, 17)  # half widths: places across a strand, of which some lie on wires' backs
 _BACK = 85.0  # percentile of the heights across a strand that is the height of the wires' backs
 _TIE = 0.25  # height of a tie over the wires' backs at least, radii of a wire
 _NEAR_TIE = 5.0  # distance of a tie from a junction that it is at most, radii of a wire
+_UNDER_TIES = 9  # nodes whose median is the height without ties
+_SMOOTHING = 2.0  # nodes: standard deviation of the smoothing of heights
 _CORNER = 2.0  # length at a free end in which the middle line runs to a corner, half widths
 _MARCH = 0.25  # step in which the middle is sought there, half widths
 _MAX_MARCHES = 40
@@ -68,6 +70,12 @@ class FlatBundles:
         """Return the radius of each class of tubes, metres, from those (K,) of strands as round bundles."""
         wires = (widths / np.sqrt(self.wires))[self.flat]
         return np.append(widths[~self.flat], np.median(wires) if len(wires) else [])
+
+    def list_spreads(self, round_sd: float, flat_sd: float) -> Array:
+        """Return a deviation for each class of tubes: of round strands, and of wires side by side."""
+        return np.append(
+            np.full(np.count_nonzero(~self.flat), round_sd), [flat_sd] if self.flat.any() else []
+        )
 
     def list_widths(self, radii: Array) -> Array:
         """Return the radius (K,) of each strand as a round bundle, metres, from those of the classes."""
@@ -160,36 +168,47 @@ def hold_at_ties(
     junctions = list(decided.junctions)
     for number, junction in enumerate(junctions):
         at = [
-            (strand.half_width, strand.nodes if strand.ends[1] == number else strand.nodes[::-1])
+            (strand.half_width if is_flat else 0.0, drawn.flatten(strand.nodes)[0][:: 1 if end else -1])
             for strand, is_flat in zip(strands, bundles.flat, strict=True)
-            if is_flat and number in strand.ends
+            for end in (0, 1)
+            if strand.ends[end] == number
         ]
-        if not at:
+        half, trunk = max(at, key=lambda found: found[0], default=(0.0, np.zeros((0, 2))))
+        if half == 0.0:
             continue
-        half, nodes = max(at, key=lambda found: found[0])
-        tie = _find_tie(drawn.flatten(nodes)[0], half / drawn.cell, bundles.radius, drawn)
+        others = [places[::-1] for _, places in at if places is not trunk]
+        tie = _find_tie(trunk, others, half / drawn.cell, bundles.radius / drawn.cell, drawn)
         if tie is not None:
             junctions[number] = replace(junction, place=tie, tied=True)
     return replace(decided, junctions=junctions)
 
 
-def _find_tie(places: Array, half: float, wire: float, drawn: SurfaceMap) -> Array | None:
-    """Return the cell of the last tie near the end of a flat strand; None if none is near it."""
-    heading = places[-1] - places[np.linalg.norm(places - places[-1], axis=1) <= 2.0 * half][0]
-    heading /= max(float(np.linalg.norm(heading)), 1e-9)
-    reach = _NEAR_TIE * wire / drawn.cell
-    beyond = places[-1] + np.arange(0.5, reach, 0.5)[:, None] * heading
-    line = np.concatenate([places, beyond])
+def _find_tie(
+    places: Array, others: Sequence[Array], half: float, wire: float, drawn: SurfaceMap
+) -> Array | None:
+    """Return the cell of the last tie near the end of a flat strand; None if none is near it.
+
+    Behind the end, the line goes on in the middle between the strands that leave there.
+    """
+    steps = np.arange(0.5, _NEAR_TIE * wire, 0.5)
+    ways = [
+        np.column_stack([np.interp(steps, measure_along(other), other[:, axis]) for axis in (0, 1)])
+        for other in others
+    ]
+    line = np.concatenate([places, np.mean(ways, axis=0)]) if ways else places
     along = measure_along(line) - measure_along(places)[-1]
-    heights = drawn.sample_heights(_list_across(line, half)[1])
-    backs = np.percentile(heights.reshape(len(line), -1), _BACK, axis=1)
-    level = float(np.median(backs[: len(places)]))
-    high = (backs > level + _TIE * wire) & (np.abs(along) < reach) & drawn.hold(line)
+    around = _list_across(line, half)[1]
+    heights = drawn.sample_heights(around).reshape(len(line), -1)
+    backs = np.percentile(heights, _BACK, axis=1)
+    top = float(np.median(backs[: len(places)])) + _TIE * wire * drawn.cell
+    high = (backs > top) & (np.abs(along) < _NEAR_TIE * wire) & drawn.hold(line)
     if not high.any():
         return None
     last = int(np.flatnonzero(high)[-1])
     first = last - int(np.argmin(np.append(high[: last + 1][::-1], False))) + 1
-    return np.asarray(0.5 * (line[first] + line[last]))
+    # the line may leave the bundle's middle
+    bump = around.reshape(len(line), -1, 2)[first : last + 1]
+    return np.asarray(bump[heights[first : last + 1] > top].mean(axis=0))
 
 
 def _list_across(places: Array, half: float) -> tuple[Array, Array]:
@@ -200,15 +219,26 @@ def _list_across(places: Array, half: float) -> tuple[Array, Array]:
     return across, around.reshape(-1, 2)
 
 
-def square_ends(strands: Sequence[Strand], bundles: FlatBundles, drawn: SurfaceMap) -> list[Strand]:
-    """Return strands of which flat ones run to the middles of their free ends.
+def lay_strands(strands: Sequence[Strand], bundles: FlatBundles, drawn: SurfaceMap) -> list[Strand]:
+    """Return strands of which flat ones lie as high as their wires, and end in the middle.
 
     The middle line of a wide strand's mask runs to a corner of its end.
     """
-    return [
-        _lead_to_ends(strand, drawn) if is_flat and not strand.closed else strand
-        for strand, is_flat in zip(strands, bundles.flat, strict=True)
-    ]
+    laid = []
+    for strand, is_flat in zip(strands, bundles.flat, strict=True):
+        if is_flat and not strand.closed:
+            strand = _lead_to_ends(strand, drawn)
+        laid.append(_lift_to_backs(strand, bundles.radius, drawn) if is_flat else strand)
+    return laid
+
+
+def _lift_to_backs(strand: Strand, wire: float, drawn: SurfaceMap) -> Strand:
+    """Return a strand a wire's radius below the backs of its wires, metres; ties do not count."""
+    places, _ = drawn.flatten(strand.nodes)
+    around = _list_across(places, strand.half_width / drawn.cell)[1]
+    backs = np.percentile(drawn.sample_heights(around).reshape(len(places), -1), _BACK, axis=1)
+    heights = smooth_nodes(take_medians(backs, _UNDER_TIES)[:, None], _SMOOTHING)[:, 0] - drawn.ridge * wire
+    return replace(strand, nodes=drawn.lift(places, heights))
 
 
 def _lead_to_ends(strand: Strand, drawn: SurfaceMap) -> Strand:

@@ -147,7 +147,9 @@ def _fit(
         tolerance=ROUGH_TOLERANCE,
         uncertainty=False,
     )
-    prior = np.column_stack([start, _RADIUS_SD * start])
+    # the upper surface of wires side by side hardly tells their radius, but their height does
+    spread = beside.list_spreads(_RADIUS_SD, _SAME_SD)
+    prior = np.column_stack([start, spread * start])
     along_ray: dict[str, Any] = {"along_ray": True, "band": (0.5, 0.5), "iterations": 30}
     alone = fit_curves(
         clouds,

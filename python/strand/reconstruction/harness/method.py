@@ -16,7 +16,7 @@ from strand.reconstruction.harness.flat_bundles import (
     FlatBundles,
     find_flat_bundles,
     hold_at_ties,
-    square_ends,
+    lay_strands,
 )
 from strand.reconstruction.harness.ground import Ground, find_ground
 from strand.reconstruction.harness.groups import list_layouts
@@ -197,7 +197,7 @@ def _look(ground: Ground, toward: Array, ropes: _TraceRopes, asked: _Asked) -> F
         if alone is not None:
             strands, places = [reach_edges(strand, drawn) for strand in alone], np.zeros((0, 3))
             beside = find_flat_bundles(strands, drawn, ground.table, asked.wire)
-        strands = square_ends(strands, beside, drawn)
+        strands = lay_strands(strands, beside, drawn)
     with run.stage("fit"):
         centers = np.array([view.viewpoint for view in observed.views])
         clouds = Clouds(

@@ -260,7 +260,7 @@ def _lift(
         reach = _HIDDEN * half + float(np.linalg.norm(last - tip))
         hidden |= np.linalg.norm(smooth - tip, axis=1) < reach
     if (~hidden).sum() >= _FEWEST:
-        heights = np.interp(places, places[~hidden], _take_medians(heights[~hidden]))
+        heights = np.interp(places, places[~hidden], take_medians(heights[~hidden], 5))
     heights = smooth_nodes(heights[:, None], deviation)[:, 0] - _AXIS * drawn.ridge * radius
     return Strand(drawn.lift(smooth, heights), ends, half_width, closed)
 
@@ -273,7 +273,7 @@ def smooth_nodes(values: Array, deviation: float) -> Array:
     return np.column_stack([np.convolve(column, kernel / kernel.sum(), mode="valid") for column in padded.T])
 
 
-def _take_medians(values: Array) -> Array:
-    """Return the median of five neighbours of each value."""
-    padded = np.pad(values, 2, mode="edge")
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
+def take_medians(values: Array, count: int) -> Array:
+    """Return the median of an odd number of neighbours of each value."""
+    padded = np.pad(values, count // 2, mode="edge")
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, count), axis=1))
