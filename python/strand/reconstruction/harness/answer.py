@@ -142,9 +142,9 @@ def _find_surest(scene: Scene, hints: Hints, run: Run) -> _Look:
 
 def _doubt_flat(flat: NDArray[np.bool_]) -> list[Doubt]:
     """Doubt a harness with strands in which wires lie side by side."""
-    if not flat.any() or len(flat) == 1:
+    if not flat.any():
         return []
-    reason = "wires lie side by side, and part where no width tells"
+    reason = "wires lie side by side: no width tells where they part, or whether they are several ropes"
     return [Doubt("rival", _FLAT, "where strands meet", reason)]
 
 

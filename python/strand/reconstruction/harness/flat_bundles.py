@@ -18,6 +18,7 @@ from strand.reconstruction.harness.surface_map import SurfaceMap
 from strand.support.checks import Array
 
 _FLAT = 0.59  # height of the surface over the table at most, widths: two wires side by side have a half
+_MOST = 20  # wires side by side: strands that are lower are no ropes, or the table is not where it seems
 _INSIDE = (0.125, 0.875)  # stretch of a strand that tells, of its nodes
 _ACROSS = np.linspace(-0.8, 0.8, 17)  # half widths: places across a strand, of which some lie on wires' backs
 _BACK = 85.0  # percentile of the heights across a strand that is the height of the wires' backs
@@ -137,7 +138,8 @@ def find_flat_bundles(
     shapes = [_measure_shape(strand, drawn, table) for strand in strands]
     heights, halves = np.array(shapes).T
     widths = np.array([strand.half_width for strand in strands])
-    flat = heights < _FLAT * (1.0 + drawn.ridge) * widths
+    shares = heights / ((1.0 + drawn.ridge) * widths)
+    flat = (shares < _FLAT) & (shares > 1.0 / _MOST)
     if not flat.any():
         return FlatBundles(wires, 0.0, up)
     radius = float(np.median(heights[flat])) / (1.0 + drawn.ridge) if wire is None else wire

@@ -80,6 +80,10 @@ def find_ground(observed: Observed, radii: tuple[float, float]) -> Ground:
             for cloud, motion in zip(clouds, motions, strict=True)
         ]
         clouds = [cloud[chosen] for cloud, chosen in zip(clouds, standing, strict=True)]
+        if any(not len(cloud) for cloud in clouds):
+            raise NotEnoughDataError(
+                f"views: no points are {_LOWEST:g} radii over the table, as ropes are; is the radius right?"
+            )
     given = clouds
     clouds = [moved(cloud, motion) for cloud, motion in zip(clouds, motions, strict=True)]
     motions = _register(clouds, moved(viewpoints[held][None], motions[held])[0], held, radii[1]) @ motions

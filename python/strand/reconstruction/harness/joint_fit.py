@@ -20,6 +20,7 @@ from strand.reconstruction.tubes.clouds import Clouds
 from strand.reconstruction.tubes.fitting import ROPE_MARGIN, ROUGH_TOLERANCE, fit_curves
 from strand.reconstruction.tubes.tube_ends import find_extents
 from strand.reconstruction.tubes.tube_nodes import make_chains
+from strand.reconstruction.tubes.whole_ropes import cut_to_one_turn
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
 
@@ -232,13 +233,16 @@ def _make_spline(strand: Strand, radius: float, config: Config) -> Array:
 
 
 def _cut(fit: TubeFit, strands: Sequence[Strand]) -> list[Curve]:
-    """Cut free ends to where their points end, or the mask does if both are far apart; others stay."""
+    """Cut rings to one turn, and free ends to where points end, or the mask does if both are far apart."""
     parts = []
     for number, (part, strand) in enumerate(zip(find_extents(fit, exclusive=True), strands, strict=True)):
         whole = Curve.whole(fit.curves[number])
+        if strand.closed:
+            parts.append(cut_to_one_turn(whole, ROPE_MARGIN * fit.radius(number)))
+            continue
         ends = [whole.start, whole.stop]
         for late in (0, 1):
-            if strand.closed or strand.ends[late] is not None:
+            if strand.ends[late] is not None:
                 continue
             tip = _find_passing(whole, strand.nodes[-late], late, _MAX_TIP * fit.radius(number))
             ends[late] = float(whole.parameter_at(tip))

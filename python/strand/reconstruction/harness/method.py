@@ -189,7 +189,7 @@ def _look(ground: Ground, toward: Array, ropes: _TraceRopes, asked: _Asked) -> F
         ask = (
             0 < len(lines.hubs) <= _MAX_ASKED
             and asked.net is None
-            and not beside.flat.any()
+            and not any(junction.tied for junction in decided.junctions)
             and not _are_bundles(strands, len(places), possible.given)
         )
         seen = list_seen_radii(observed.radii.values, [strand.half_width for strand in strands])

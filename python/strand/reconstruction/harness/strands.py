@@ -92,7 +92,8 @@ def follow_strands(lines: Lines, decided: Decisions, drawn: SurfaceMap, radii: A
             continue
         pieces, passed, stop = _follow(start, lines, onward, seen)
         cells = _bridge(pieces, passed, drawn)
-        closed = start in onward
+        is_alone = lines.arcs[start[0]].hubs == (NO_HUB, NO_HUB) and len(pieces) == 1
+        closed = start in onward or (is_alone and _is_ring(pieces[0]))
         ends: list[int | None] = [None, None]
         under: list[Array] = []
         for place, end in enumerate((start, stop)):
@@ -109,8 +110,6 @@ def follow_strands(lines: Lines, decided: Decisions, drawn: SurfaceMap, radii: A
             else:
                 extended = _reach_edge(backwards, drawn)
             cells = extended[::-1] if place == 0 else extended
-        if lines.arcs[start[0]].hubs == (NO_HUB, NO_HUB) and len(pieces) == 1 and _is_ring(pieces[0]):
-            closed = True
         strands.append(_lift(cells, passed, under, (ends[0], ends[1]), closed, drawn, radii))
     return strands
 

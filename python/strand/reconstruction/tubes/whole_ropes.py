@@ -123,13 +123,13 @@ def cut_to_ropes(
     parts = find_extents(fit, exclusive=True)
     for i, control in enumerate(fit.curves):
         if closed[i]:
-            parts[i] = _cut_to_one_turn(Curve.whole(control), ROPE_MARGIN * fit.radius(i))
+            parts[i] = cut_to_one_turn(Curve.whole(control), ROPE_MARGIN * fit.radius(i))
     if not prior.lengths:
         return parts
     return lengthen(fit, make_splines(ropes, before.radii, config, ROPE_MARGIN), parts, prior)
 
 
-def _cut_to_one_turn(curve: Curve, margin: float) -> Curve:
+def cut_to_one_turn(curve: Curve, margin: float) -> Curve:
     """Return the stretch of a closed rope's curve from `margin`, metres, to where it returns there."""
     start = curve.at([margin])[0]
     late = np.linspace(curve.length - 3.0 * margin, curve.length, 400)

@@ -1,0 +1,46 @@
+"""Rings, ropes beside each other, and radii that no rope has."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import strand
+from strand.synthetic import Camera, camera_pose, render_depth
+
+CAMERA = Camera(size=(640, 480))
+ROOM = ([-0.3, -0.3, 0.001], [0.3, 0.3, 0.05])
+
+
+def look(lines, radius, given=None):
+    rng = np.random.default_rng(0)
+    views = []
+    for turn in (0.3, 2.4, 4.5):
+        pose = camera_pose(turn, 0.5, 1.0)
+        depth = render_depth(lines, [radius] * len(lines), CAMERA.intrinsics, pose, CAMERA.size, 3.0)
+        depth[depth > 0.0] += 0.0003 * rng.normal(size=np.count_nonzero(depth > 0.0))
+        views.append(strand.View.from_depth(depth, CAMERA.intrinsics, pose))
+    return strand.reconstruct(views, radius if given is None else given, ROOM, branches=True)
+
+
+def test_a_ring_has_the_length_of_one_turn():
+    angles = np.linspace(0.0, 2.0 * np.pi, 201)
+    line = np.column_stack([0.07 * np.cos(angles), 0.07 * np.sin(angles), np.full(201, 0.003)])
+    model = look([line], 0.003)
+    (edge,) = model.harness.edges
+    assert edge.chain.closed
+    assert edge.length == pytest.approx(2.0 * np.pi * 0.07, rel=0.02)
+
+
+def test_ropes_that_run_beside_each_other_for_a_while_are_two():
+    along = np.linspace(-0.12, 0.12, 121)
+    aside = 0.00405 + 0.8 * np.maximum(np.abs(along) - 0.03, 0.0) ** 2 / 0.09
+    lines = [np.column_stack([along, side * aside, np.full(121, 0.004)]) for side in (-1.0, 1.0)]
+    model = look(lines, 0.004)
+    assert [node.degree for node in model.harness.nodes] == [1, 1, 1, 1]
+
+
+def test_a_radius_as_high_as_the_ropes_is_refused():
+    line = np.column_stack([np.linspace(-0.1, 0.1, 101), np.zeros(101), np.full(101, 0.002)])
+    with pytest.raises(strand.NotEnoughDataError, match="over the table"):
+        look([line], 0.002, given=0.012)
