@@ -19,6 +19,7 @@ from strand.reconstruction.harness.certainty import Certainty, judge
 from strand.reconstruction.harness.graph import Graph, make_graph, make_harness
 from strand.reconstruction.harness.look_doubts import (
     doubt_by_rival,
+    doubt_dropped,
     doubt_grazing_views,
     doubt_uncovered,
     is_same_graph,
@@ -135,6 +136,7 @@ def _find_surest(scene: Scene, hints: Hints, run: Run) -> _Look:
         *(doubt_by_rival(best.confidence, rival) for rival in rivals),
         *doubt_grazing_views(best.harness.ground),
         *doubt_uncovered(best.harness),
+        *(doubt_dropped(scene.observed, best.chains) if best.harness.ground.table is None else ()),
     ]
     certainty = replace(best.certainty, doubts=[*best.certainty.doubts, *doubts])
     return replace(best, certainty=certainty)

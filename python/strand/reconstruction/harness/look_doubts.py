@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -11,6 +11,8 @@ import strand._core as _core
 from strand.reconstruction.harness.graph import Graph
 from strand.reconstruction.harness.ground import Ground
 from strand.reconstruction.harness.method import FoundHarness
+from strand.reconstruction.stages import Observed
+from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 
 _GRAZING = 0.35  # cosine of the angle between up and the steepest view below which it tells little
@@ -18,6 +20,9 @@ _GRAZING_DOUBT = 0.8  # doubt of views along the table
 _BESIDE = 1.25  # distance from a strand's line that it covers, its half widths
 _CORNERS = 1.6  # the same of wires side by side, whose ends have corners
 _EDGE = 1.5  # the same in addition, cells
+_FAR = 2.0  # distance of points that no strand covers, greatest radii
+_DROPPED = 0.004  # share of such points that raises no doubt
+_DROPPED_DOUBT = 20.0  # doubt for all points
 _STUB = 1.3  # area that no strand covers at least, squared least radii
 _STUB_DOUBT = 0.15  # doubt of each
 
@@ -80,6 +85,20 @@ def doubt_grazing_views(ground: Ground) -> Iterator[Doubt]:
         degrees = math.degrees(math.asin(max(steepest, 0.0)))
         reason = f"all views look along the table, the steepest at {degrees:.0f} degrees"
         yield Doubt("view", _GRAZING_DOUBT * (1.0 - steepest / _GRAZING), "how strands meet", reason)
+
+
+def doubt_dropped(observed: Observed, chains: Sequence[Chain]) -> Iterator[Doubt]:
+    """Doubt a harness without a table if points that were dropped as outliers lie far from all strands.
+
+    Where a strand runs along the rays, its points are as sparse as outliers.
+    """
+    lines = np.concatenate([chain.points for chain in chains])
+    reach = _FAR * max(chain.radius for chain in chains)
+    points = np.concatenate([view.world_points for view in observed.whole])
+    far = _core.find_squared_distances(points, lines) > reach**2
+    if far.mean() > _DROPPED:
+        reason = f"{100.0 * far.mean():.1f} % of the points lie far from all strands, dropped as outliers"
+        yield Doubt("left out", _DROPPED_DOUBT * float(far.mean()), "where strands end", reason)
 
 
 def doubt_uncovered(found: FoundHarness) -> Iterator[Doubt]:

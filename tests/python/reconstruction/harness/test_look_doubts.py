@@ -10,7 +10,7 @@ import pytest
 import strand
 from strand.reconstruction.harness.graph import Graph
 from strand.reconstruction.harness.look_doubts import doubt_by_rival, is_same_graph
-from strand.synthetic import Camera, camera_pose, harness
+from strand.synthetic import Camera, Noise, camera_pose, harness
 from strand.synthetic.rendering import render_depth
 
 CAMERA = Camera(size=(640, 480))
@@ -87,3 +87,15 @@ def test_views_along_a_table_are_doubted():
     assert "look along the table" in str(doubt)
     assert flat.confidence < 0.9
     assert "view" not in {doubt.kind for doubt in steep.doubts}
+
+
+def test_strands_along_the_rays_in_the_air_are_doubted():
+    # both branches go on, but so aslant that their points are as sparse as outliers
+    made = harness("air", seed=924050, views=1, noise=Noise(depth=0.0006))
+    model = strand.reconstruct(made.views, sorted(set(made.radii)), made.bounds, branches=True)
+    dropped = [doubt for doubt in model.doubts if "dropped" in doubt.reason]
+    assert [doubt.kind for doubt in dropped] == ["left out"]
+    assert model.confidence < 0.9
+    whole = harness("air", seed=940017, views=3, noise=Noise(depth=0.0006))
+    model = strand.reconstruct(whole.views, sorted(set(whole.radii)), whole.bounds, branches=True)
+    assert not any("dropped" in doubt.reason for doubt in model.doubts)
