@@ -19,6 +19,7 @@ _MAX_POINTS = 20_000  # of a cloud in which a table is sought
 _FLOOR_HEIGHT = 0.5  # of points of the table at most, least radii
 _LOWEST = 0.5  # height of points of ropes over the table at least, least radii
 _BESIDE = 12  # pixels around the ropes in which points of the table are taken
+_FEW = 8  # neighbours within the least radius of points of a strand in the air at least
 _REGISTERED = 4000  # points of a view that are registered
 _REACH = 2.0  # distance of corresponding points at most, greatest radii
 _NEIGHBORS = 14  # that tell a normal
@@ -65,6 +66,9 @@ def find_ground(observed: Observed, radii: tuple[float, float]) -> Ground:
     tables = [_find_table(observed, place, radii[0]) for place in range(len(observed.views))]
     table = tables[held]
     clouds = [view.world_points for view in observed.views]
+    if table is None:
+        # strands along the rays are too sparse for the outlier filter
+        clouds = [_drop_lonely(view.world_points, radii[0]) for view in observed.whole]
     viewpoints = np.array([view.viewpoint for view in observed.views])
     middle = clouds[held].mean(axis=0)
     up = table.normal if table is not None else viewpoints[held] - middle
@@ -105,6 +109,11 @@ def find_ground(observed: Observed, radii: tuple[float, float]) -> Ground:
             seen.append(points[np.abs(table.measure_heights(points)) < _FLOOR_HEIGHT * radii[0]])
         floor = np.concatenate(seen)
     return Ground(motions, given, clouds, viewpoints, floor, up, table)
+
+
+def _drop_lonely(points: Array, radius: float) -> Array:
+    """Return the points with a few others within a radius, metres."""
+    return points[_core.count_neighbors(points, radius) >= _FEW]
 
 
 def _find_table(observed: Observed, place: int, radius: float) -> Plane | None:

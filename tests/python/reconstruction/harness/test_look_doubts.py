@@ -99,3 +99,10 @@ def test_strands_along_the_rays_in_the_air_are_doubted():
     whole = harness("air", seed=940017, views=3, noise=Noise(depth=0.0006))
     model = strand.reconstruct(whole.views, sorted(set(whole.radii)), whole.bounds, branches=True)
     assert not any("dropped" in doubt.reason for doubt in model.doubts)
+
+
+def test_a_strand_along_the_rays_in_the_air_is_not_cut_off():
+    made = harness("air", seed=940009, views=1, noise=Noise(depth=0.0006))
+    model = strand.reconstruct(made.views, sorted(set(made.radii)), made.bounds, branches=True)
+    truth = sorted(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in made.truth)
+    assert sorted(edge.length for edge in model.harness.edges) == pytest.approx(truth, rel=0.25)
