@@ -66,7 +66,7 @@ def find_ground(observed: Observed, radii: tuple[float, float]) -> Ground:
     tables = [_find_table(observed, place, radii[0]) for place in range(len(observed.views))]
     table = tables[held]
     clouds = [view.world_points for view in observed.views]
-    if table is None:
+    if table is None and not (observed.radii.free or observed.radii.held):
         # strands along the rays are too sparse for the outlier filter
         clouds = [_drop_lonely(view.world_points, radii[0]) for view in observed.whole]
     viewpoints = np.array([view.viewpoint for view in observed.views])
