@@ -67,8 +67,9 @@ def find_ground(observed: Observed, radii: tuple[float, float]) -> Ground:
     table = tables[held]
     clouds = [view.world_points for view in observed.views]
     if table is None and not (observed.radii.free or observed.radii.held):
-        # strands along the rays are too sparse for the outlier filter
-        clouds = [_drop_lonely(view.world_points, radii[0]) for view in observed.whole]
+        # strands along the rays are too sparse for the outlier filter, but sparse views lose more here
+        supported = [_drop_lonely(view.world_points, radii[0]) for view in observed.whole]
+        clouds = [max(pair, key=len) for pair in zip(clouds, supported, strict=True)]
     viewpoints = np.array([view.viewpoint for view in observed.views])
     middle = clouds[held].mean(axis=0)
     up = table.normal if table is not None else viewpoints[held] - middle

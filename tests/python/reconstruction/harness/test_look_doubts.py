@@ -106,3 +106,11 @@ def test_a_strand_along_the_rays_in_the_air_is_not_cut_off():
     model = strand.reconstruct(made.views, sorted(set(made.radii)), made.bounds, branches=True)
     truth = sorted(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in made.truth)
     assert sorted(edge.length for edge in model.harness.edges) == pytest.approx(truth, rel=0.25)
+
+
+@pytest.mark.parametrize("step", [20, 150])
+def test_sparse_views_of_a_harness_in_the_air_keep_their_points(step):
+    made = harness("air", seed=940017, views=3, noise=Noise(depth=0.0003))
+    views = [strand.View(view.points[::step], view.pose) for view in made.views]
+    model = strand.reconstruct(views, sorted(set(made.radii)), made.bounds, branches=True)
+    assert len(model.harness.edges) == len(made.edges)
