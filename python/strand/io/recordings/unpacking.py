@@ -59,7 +59,7 @@ class Work:
 
 @dataclass(frozen=True)
 class Limits:
-    """What the files of a recording may take.
+    """The most that files of a recording may take.
 
     Attributes
     ----------

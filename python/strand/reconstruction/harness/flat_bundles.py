@@ -151,13 +151,12 @@ def _measure_shape(strand: Strand, drawn: SurfaceMap, table: Plane) -> tuple[flo
     """Return the height of a strand's surface over the table, and its half width if it is flat, metres."""
     low, high = (round(share * len(strand.nodes)) for share in _INSIDE)
     places, heights = drawn.flatten(strand.nodes[low:high])
-    across, around = _list_across(places, strand.half_width / drawn.cell)
-    surface = table.measure_heights(drawn.lift(around, drawn.sample_heights(around)))
-    backs = np.percentile(surface.reshape(len(places), -1), _BACK, axis=1)
+    _, backs = _sample_across(places, strand.half_width / drawn.cell, drawn)
+    height = float(np.median(table.measure_heights(drawn.lift(places, backs))))
     # a map drawn aslant shows flat strands narrower
-    steps = drawn.lift(places + across, heights) - drawn.lift(places, heights)
+    steps = drawn.lift(places + _find_normals(places), heights) - drawn.lift(places, heights)
     aslant = np.linalg.norm(steps, axis=1) / drawn.cell
-    return float(np.median(backs)), float(np.median(aslant)) * strand.half_width
+    return height, float(np.median(aslant)) * strand.half_width
 
 
 def hold_at_ties(
@@ -199,9 +198,7 @@ def _find_tie(
     ]
     line = np.concatenate([places, np.mean(ways, axis=0)]) if ways else places
     along = measure_along(line) - measure_along(places)[-1]
-    around = _list_across(line, half)[1]
-    heights = drawn.sample_heights(around).reshape(len(line), -1)
-    backs = np.percentile(heights, _BACK, axis=1)
+    around, backs = _sample_across(line, half, drawn)
     top = float(np.median(backs[: len(places)])) + _TIE * wire * drawn.cell
     high = (backs > top) & (np.abs(along) < _NEAR_TIE * wire) & drawn.hold(line)
     if not high.any():
@@ -209,16 +206,21 @@ def _find_tie(
     last = int(np.flatnonzero(high)[-1])
     first = last - int(np.argmin(np.append(high[: last + 1][::-1], False))) + 1
     # the line may leave the bundle's middle
-    bump = around.reshape(len(line), -1, 2)[first : last + 1]
-    return np.asarray(bump[heights[first : last + 1] > top].mean(axis=0))
+    bump = around[first : last + 1].reshape(-1, 2)
+    return np.asarray(bump[drawn.sample_heights(bump) > top].mean(axis=0))
 
 
-def _list_across(places: Array, half: float) -> tuple[Array, Array]:
-    """Return unit vectors (M, 2) across a line of places (M, 2), and places (M * K, 2) across it, in rows."""
+def _sample_across(places: Array, half: float, drawn: SurfaceMap) -> tuple[Array, Array]:
+    """Return places (M, K, 2) across a line of places (M, 2), and the height (M,) of wires' backs, metres."""
+    around = places[:, None] + (_ACROSS * half)[:, None] * _find_normals(places)[:, None]
+    heights = drawn.sample_heights(around.reshape(-1, 2)).reshape(len(places), -1)
+    return around, np.percentile(heights, _BACK, axis=1)
+
+
+def _find_normals(places: Array) -> Array:
+    """Return unit vectors (M, 2) across a line of places (M, 2)."""
     across = np.gradient(places, axis=0)[:, ::-1] * (1.0, -1.0)
-    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
-    around = places[:, None] + (_ACROSS * half)[:, None] * across[:, None]
-    return across, around.reshape(-1, 2)
+    return np.asarray(across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12))
 
 
 def lay_strands(strands: Sequence[Strand], bundles: FlatBundles, drawn: SurfaceMap) -> list[Strand]:
@@ -237,8 +239,7 @@ def lay_strands(strands: Sequence[Strand], bundles: FlatBundles, drawn: SurfaceM
 def _lift_to_backs(strand: Strand, wire: float, drawn: SurfaceMap) -> Strand:
     """Return a strand a wire's radius below the backs of its wires, metres; ties do not count."""
     places, _ = drawn.flatten(strand.nodes)
-    around = _list_across(places, strand.half_width / drawn.cell)[1]
-    backs = np.percentile(drawn.sample_heights(around).reshape(len(places), -1), _BACK, axis=1)
+    _, backs = _sample_across(places, strand.half_width / drawn.cell, drawn)
     heights = smooth_nodes(take_medians(backs, _UNDER_TIES)[:, None], _SMOOTHING)[:, 0] - drawn.ridge * wire
     return replace(strand, nodes=drawn.lift(places, heights))
 

@@ -107,16 +107,7 @@ def fit_harness(
     except NotEnoughDataError:
         if possible.radii is None:
             raise
-        return _fit(
-            clouds,
-            strands,
-            beside,
-            places,
-            held,
-            motions,
-            replace(possible, given=None, bundles=None),
-            config,
-        )
+        return _fit(clouds, strands, beside, places, held, motions, Possible(None, None), config)
 
 
 def _fit(

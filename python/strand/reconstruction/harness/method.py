@@ -143,7 +143,7 @@ _TraceRopes = Callable[[tuple[int, ...]], list[Chain]]
 
 @dataclass(frozen=True, eq=False)
 class _Asked:
-    """What all looks are asked: the views, the radii and the wire that strands may have, the netlist."""
+    """The question to all looks: the views, the radii and the wire that strands may have, the netlist."""
 
     observed: Observed
     extremes: tuple[float, float]

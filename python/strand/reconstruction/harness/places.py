@@ -75,7 +75,7 @@ class LaidEnd:
 
 @dataclass(frozen=True, eq=False)
 class Decisions:
-    """What each place is.
+    """The readings of all places.
 
     Attributes
     ----------

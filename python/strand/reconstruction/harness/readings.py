@@ -45,7 +45,7 @@ _LAID_DROP = 0.45  # height of the end over its own rest at least, radii
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """What a place may be. Numbers are those of its ports.
+    """A reading of a place. Numbers are those of its ports.
 
     Attributes
     ----------
