@@ -14,6 +14,8 @@ _SIDE = 40  # pixels: side of the windows that planes are fitted to
 _MAX_WINDOWS = 40  # windows of each image that planes are fitted to
 _MAX_USED = 8  # windows of each image that are used
 _MIN_WINDOWS = 2  # windows of all images together: fewer give no correlation
+_MAX_MISSING = 0.05  # share of a window's pixels that may have no depth
+_FILLINGS = 3  # fits after which these are on the plane of the others
 _MAX_ERROR = 6.0  # standard deviations: a window with a larger residual shows no plane
 _NARROW_SHARE = 0.25  # quantile of the windows' standard deviations that a plane is expected to have
 _MAX_WIDTH = 1.5  # times that quantile: wider residuals are those of no plane
@@ -61,19 +63,22 @@ def correlate_on_planes(images: Sequence[tuple[Array, float]], lags: int) -> tup
 
 def _compute_plane_residuals(image: Array, depth: float) -> Array:
     """Return (P, side * side) residuals of windows that show a plane, in standard deviations."""
-    height, width = image.shape
-    rows, columns = range(0, height - _SIDE + 1, _SIDE), range(0, width - _SIDE + 1, _SIDE)
-    corners = [(row, column) for row in rows for column in columns]
-    windows = np.empty((0, _SIDE**2))
-    if corners:
-        step = -(-len(corners) // _MAX_WINDOWS)
-        windows = np.stack([image[r : r + _SIDE, c : c + _SIDE] for r, c in corners[::step]])
-        windows = windows.reshape(len(windows), -1)
-        windows = windows[(np.isfinite(windows) & (windows > 0.0)).all(axis=1)]
-    if not len(windows):
-        return windows
-    windows = windows[np.argsort(np.abs(windows.mean(axis=1) - depth), kind="stable")]
-    nearness = 1.0 / windows
+    rows, columns = image.shape[0] // _SIDE, image.shape[1] // _SIDE
+    blocks = image[: rows * _SIDE, : columns * _SIDE].reshape(rows, _SIDE, columns, _SIDE)
+    missing = ~((blocks > 0.0) & (blocks < np.inf))
+    full = np.argwhere(missing.mean(axis=(1, 3)) < _MAX_MISSING)
+    if not len(full):
+        return np.empty((0, _SIDE**2))
+    used = full[:: -(-len(full) // _MAX_WINDOWS)]
+    windows = blocks[used[:, 0], :, used[:, 1]].reshape(len(used), -1)
+    bare = missing[used[:, 0], :, used[:, 1]].reshape(len(used), -1)
+    nearness = 1.0 / np.where(bare, np.inf, windows)
+    # single pixels without depth are on the plane of the others
+    for _ in range(_FILLINGS if bare.any() else 0):
+        nearness = np.where(bare, (nearness @ _FIT) @ _TERMS, nearness)
+    windows = np.where(bare, 1.0 / nearness, windows)
+    order = np.argsort(np.abs(windows.mean(axis=1) - depth), kind="stable")
+    windows, nearness = windows[order], nearness[order]
     errors = nearness - (nearness @ _FIT) @ _TERMS
     sd = DEVIATION_OF_MEDIAN * np.median(np.abs(errors), axis=1)
     # metres: residuals of anything but a plane are wider than those of planes
