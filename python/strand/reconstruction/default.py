@@ -44,6 +44,7 @@ _SURE_TRUST = 0.35  # more trusted answers are not compared with others
 _MIN_TRUST = 0.1  # less trusted tubes are compared with readings
 _MAX_SCATTER = 0.55  # radii: where depths scatter more, points alone show no tubes
 _MISREAD_EXCESS = 0.2  # radii: readings with this much more noise than depths scatter are wrong
+_MAX_UNCOVERED = 1.0  # squared radii of mask that no rope covers: with more, tubes are tried as a reading too
 _SMALL_NOISE = 0.25  # radii: with less noise than this in a reading, tubes are tried too
 _MIN_WARNED = 0.1  # smaller doubts have no warning
 _MAX_LOST = 0.05  # share of the points that tubes show and readings may not
@@ -336,12 +337,11 @@ def _choose_by_images(
     """Return the answer of readings of masked images or of tubes, whichever is likelier."""
     own = run.fork()
     images = _Attempt(make_answer(reading, observed, config, own), own)
-    noisy = reading.explanations[0].fit.noise > _SMALL_NOISE and _is_noisy(observed)
-    if (
-        reading.neighbor_correlation > MIN_CORRELATION
-        or (noisy and images.sure)
-        or run.skips("tubes in the points")
-    ):
+    best = reading.explanations[0].fit
+    noisy = best.noise > _SMALL_NOISE and _is_noisy(observed)
+    # readings may have missed a rope where mask is left
+    alike = reading.neighbor_correlation > MIN_CORRELATION and best.misfit[0] < _MAX_UNCOVERED
+    if alike or (noisy and images.sure) or run.skips("tubes in the points"):
         return images.take(run)
     tubes = _try_tubes(observed, config, run) if tubes is None else tubes
     if tubes is not None and not noisy and tubes.independent and tubes.trust >= images.trust:
