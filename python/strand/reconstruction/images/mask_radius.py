@@ -18,6 +18,7 @@ _SD = 0.15  # of the radius: masks are a pixel too wide or too narrow, and depth
 _MIN_SHARE = 0.5  # of the radius by another measure: the least radius that counts
 _MAX_SHARE = 1.5  # of the same: the largest
 _MAX_BY_AREA = 2.0  # of the radius by a mask's widths, which raggedness makes smaller: the largest
+_MIN_WIDER = 0.25  # pixels: masks that are wider on each side than ropes are high by less are not slimmed
 _ROUNDS = 2  # measurements of the mask by the radius that the one before shows
 _SAME = 0.05  # relative change of the radius: with less it has settled
 
@@ -39,9 +40,11 @@ def estimate_mask_radius(image: DepthImage) -> tuple[Array, Array]:
     if table is not None and chains:
         by_height = 0.5 * _measure_height(image, np.vstack(chains), table) / _SEEN_HEIGHT
         least = max(by_height, _MIN_SHARE * radius)
-        (slim,) = slim_fat_masks([image], table, None, _SEEN_HEIGHT * least)
-        if slim is not image:
-            radius, _ = estimate_radius_by_area(slim)
+        pixels = (radius - least) * image.camera.focal[0] / image.distance
+        if pixels > _MIN_WIDER:
+            (slim,) = slim_fat_masks([image], table, None, _SEEN_HEIGHT * least)
+            if slim is not image:
+                radius, _ = estimate_radius_by_area(slim)
         radius = 0.5 * (radius + min(max(by_height, _MIN_SHARE * radius), _MAX_SHARE * radius))
     return np.array([radius]), np.array([_SD * radius])
 
