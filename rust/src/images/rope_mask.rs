@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::strokes::{Filled, Strokes, measure_shown_radius};
+use super::strokes::{Filled, Strokes, find_scale_of_widths, measure_shown_radius};
 use super::thinning::Bits;
 
 /// A mask, and its strands as they were traced last: radii that fill the same holes have the same strands.
@@ -57,6 +57,7 @@ impl RopeMask {
     pub fn estimate_radius(&self) -> Option<f64> {
         let shown =
             |radius_px: f64, scale: usize| measure_shown_radius(&self.trace(&self.fill(radius_px, scale)?));
-        shown(shown(1.0, 1)?.max(0.5), 2)
+        let roughly = shown(1.0, 1)?.max(0.5);
+        shown(roughly, find_scale_of_widths(roughly).min(2))
     }
 }

@@ -99,6 +99,15 @@ pub(crate) fn find_scale(radius_px: f64) -> usize {
     }
 }
 
+/// Returns the magnification of a mask whose widths alone are asked for.
+pub(crate) fn find_scale_of_widths(radius_px: f64) -> usize {
+    match radius_px {
+        ..4.0 => 3,
+        ..8.0 => 2,
+        _ => 1,
+    }
+}
+
 /// Removes specks and cuts the mask to what remains, with a margin. Returns the corner's column and row, the mask, and
 /// how ragged it is, 0 to 1.
 fn remove_specks(mask: &[bool], width: usize, square: f64) -> Option<([f64; 2], Image<f32>, f64)> {

@@ -15,6 +15,8 @@ const FILLS: (f64, f64) = (0.7, 0.3);
 /// Tube farther from the axis spills over the mask's edge up to this distance, image radii. Beyond, edges are rough.
 const SPILLS: f64 = 0.9;
 const SPECK: f64 = 1.0; // distance of a mask's pixels at least from what is left of it without specks, pixels
+const SLACK: f64 = 0.01; // pixels by which more is measured than is needed, against rounding
+const FLAT: f64 = 1e-6; // smaller slopes count as none
 const NOISE: f64 = 0.5; // noise that divides depth residuals, radii
 const LIMIT: f64 = 6.0; // limit of a squared depth residual over the noise
 
@@ -34,23 +36,25 @@ pub fn add_view(
     let distances = Distances::new(view, &seen.image, curves, covers + more);
     let spills = SPILLS * radius_px.min(view.silhouette.shown_px);
     let (mut uncovered, mut outside, mut spilled) = (0, 0, 0);
+    let limits = [covers, spills].map(|limit| (limit * limit) as f32);
     for (row, squares) in distances.squares.chunks_exact(distances.width.max(1)).enumerate() {
-        for (column, &square) in squares.iter().enumerate() {
-            let far = square > (covers * covers) as f32;
-            let near = square < (spills * spills) as f32;
-            if far || near {
-                let pixel = [column as i64 + distances.low[0], row as i64 + distances.low[1]];
-                let place = pixel.map(|x| x as f64);
-                let inside = view.medians.inside(pixel);
-                if far && inside && !distances.closes(column, row, covers + more, more) {
+        let inside = view.medians.inside(distances.low[0], row as i64 + distances.low[1]);
+        for ((column, &square), inside) in squares.iter().enumerate().zip(inside) {
+            if inside && square > limits[0] {
+                let place = distances.place(column, row);
+                if !distances.closes(column, row, covers + more, more) {
                     uncovered += u32::from(view.silhouette.distance(place) > -SPECK);
-                } else if near && !inside && !view.silhouette.hidden(place) {
-                    let core = fills > 0.0 && square < (fills * fills) as f32;
-                    outside += u32::from(core);
-                    // not over gaps, where the axis is outside too
-                    let away = -view.silhouette.distance(place);
-                    spilled += u32::from(!core && away * away < f64::from(square));
                 }
+            } else if !inside && square < limits[1] {
+                let place = distances.place(column, row);
+                if view.silhouette.hidden(place) {
+                    continue;
+                }
+                let core = fills > 0.0 && square < (fills * fills) as f32;
+                outside += u32::from(core);
+                // not over gaps, where the axis is outside too
+                let away = -view.silhouette.distance(place);
+                spilled += u32::from(!core && away * away < f64::from(square));
             }
         }
     }
@@ -92,11 +96,28 @@ impl Distances {
         let [width, height] = std::array::from_fn(|k| (high[k] - low[k] + 1).max(0) as usize);
         let mut made = Self { low, width, squares: vec![f32::INFINITY; width * height] };
         for chain in &curves.chains {
-            for pair in places[chain.clone()].windows(2) {
-                made.stamp(pair[0], pair[1], reach, [width, height]);
-            }
+            made.add_chain(&places[chain.clone()], reach, [width, height]);
         }
         made
+    }
+
+    /// Takes the distances from a polyline.
+    fn add_chain(&mut self, nodes: &[Place2], reach: f64, size: [usize; 2]) {
+        // how far beyond each node it may be the nearest place, for pixels within reach
+        let beyond: Vec<f64> = (0..nodes.len())
+            .map(|i| {
+                let around = i.checked_sub(1).map(|k| nodes[k]).zip(nodes.get(i + 1));
+                around.map_or(reach, |(before, &after)| reach * halve_turn(before, nodes[i], after))
+            })
+            .collect();
+        for (pair, beyond) in nodes.windows(2).zip(beyond.windows(2)) {
+            self.stamp([pair[0], pair[1]], [beyond[0], beyond[1]], reach, size);
+        }
+    }
+
+    /// Returns the place of a pixel in the image.
+    fn place(&self, column: usize, row: usize) -> Place2 {
+        [column as i64 + self.low[0], row as i64 + self.low[1]].map(|x| x as f64)
     }
 
     /// Whether all pixels within `more` of one are within `reach` of the axes: the tubes' union, closed, covers it.
@@ -114,25 +135,95 @@ impl Distances {
         })
     }
 
-    fn stamp(&mut self, a: Place2, b: Place2, reach: f64, size: [usize; 2]) {
+    /// Takes the distances from a segment of pixels beside it, and `beyond` its ends.
+    fn stamp(&mut self, [a, b]: [Place2; 2], beyond: [f64; 2], reach: f64, size: [usize; 2]) {
         let range = |k: usize| {
             let from = (a[k].min(b[k]) - reach).ceil() as i64 - self.low[k];
             let to = (a[k].max(b[k]) + reach).floor() as i64 - self.low[k] + 1;
             from.clamp(0, size[k] as i64) as usize..to.clamp(0, size[k] as i64) as usize
         };
         let (columns, rows) = (range(0), range(1));
-        let shift = |p: Place2| -> [f32; 2] { std::array::from_fn(|k| (p[k] - self.low[k] as f64) as f32) };
+        let shift = |p: Place2| -> Place2 { std::array::from_fn(|k| p[k] - self.low[k] as f64) };
         let (a, b) = (shift(a), shift(b));
-        let d = [b[0] - a[0], b[1] - a[1]];
+        let along = [b[0] - a[0], b[1] - a[1]];
+        let long = along[0].hypot(along[1]);
+        let along = along.map(|x| x / long.max(1e-9));
+        let [start, d] = [a, [b[0] - a[0], b[1] - a[1]]].map(|p| p.map(|x| x as f32));
         let inverse = 1.0 / (d[0] * d[0] + d[1] * d[1]).max(1e-12);
         for y in rows {
-            let py = y as f32 - a[1];
-            let row = &mut self.squares[y * self.width..][columns.clone()];
-            for (square, x) in row.iter_mut().zip(columns.clone()) {
-                let px = x as f32 - a[0];
+            // columns beside the segment
+            let v = y as f64 - a[1];
+            let ends = [-beyond[0] - SLACK, long + beyond[1] + SLACK].map(|x| x - v * along[1]);
+            let sides = [-reach - SLACK, reach + SLACK].map(|x| x + v * along[0]);
+            let [from, to] = find_between(ends, along[0], find_between(sides, along[1], [-1e9, 1e9]));
+            let first = ((from + a[0]).ceil().max(columns.start as f64) as usize).min(columns.end);
+            let last = ((to + a[0]).floor() + 1.0).max(first as f64).min(columns.end as f64) as usize;
+            let py = y as f32 - start[1];
+            let row = &mut self.squares[y * self.width..][first..last];
+            for (square, x) in row.iter_mut().zip(first..) {
+                let px = x as f32 - start[0];
                 let t = ((px * d[0] + py * d[1]) * inverse).clamp(0.0, 1.0);
                 let (ex, ey) = (px - t * d[0], py - t * d[1]);
                 *square = square.min(ex * ex + ey * ey);
+            }
+        }
+    }
+}
+
+/// Returns the sine of half of the angle by which a polyline turns at a node.
+fn halve_turn(before: Place2, node: Place2, after: Place2) -> f64 {
+    let (d, e) = ([node[0] - before[0], node[1] - before[1]], [after[0] - node[0], after[1] - node[1]]);
+    let long = d[0].hypot(d[1]) * e[0].hypot(e[1]);
+    // places that coincide may turn anyhow
+    let cosine = if long > 0.0 { (d[0] * e[0] + d[1] * e[1]) / long } else { -1.0 };
+    (0.5 - 0.5 * cosine).max(0.0).sqrt()
+}
+
+/// Returns the part of an interval of x in which slope * x is between two numbers.
+fn find_between([low, high]: [f64; 2], slope: f64, within: [f64; 2]) -> [f64; 2] {
+    if slope.abs() < FLAT {
+        // so nearly parallel that all of it is, or none
+        return if low <= SLACK && high >= -SLACK { within } else { [1.0, 0.0] };
+    }
+    let (x, y) = (low / slope, high / slope);
+    [within[0].max(x.min(y)), within[1].min(x.max(y))]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_are_those_from_all_segments() {
+        let (size, reach) = ([90, 70], 9.0);
+        // sharp bends, axes along the grid, places that coincide, a part outside
+        let nodes: Vec<Place2> = vec![
+            [10.0, 10.0],
+            [30.0, 10.0],
+            [30.0, 35.0],
+            [34.0, 12.0],
+            [60.2, 40.7],
+            [60.2, 40.7],
+            [63.0, 42.0],
+            [58.0, 41.5],
+            [100.0, 80.0],
+        ];
+        let squared = |p: Place2, a: Place2, b: Place2| {
+            let (d, e) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
+            let square = d[0] * d[0] + d[1] * d[1];
+            let t = if square > 0.0 { ((d[0] * e[0] + d[1] * e[1]) / square).clamp(0.0, 1.0) } else { 0.0 };
+            (e[0] - t * d[0]).powi(2) + (e[1] - t * d[1]).powi(2)
+        };
+        let mut found =
+            Distances { low: [0, 0], width: size[0], squares: vec![f32::INFINITY; size[0] * size[1]] };
+        found.add_chain(&nodes, reach, size);
+        for (k, &square) in found.squares.iter().enumerate() {
+            let p = found.place(k % size[0], k / size[0]);
+            let least = nodes.windows(2).map(|w| squared(p, w[0], w[1])).fold(f64::INFINITY, f64::min);
+            if least <= reach * reach {
+                assert!((f64::from(square) - least).abs() < 1e-3, "{p:?}: {square} for {least}");
+            } else {
+                assert!(f64::from(square) > reach * reach - 1e-3, "{p:?}: {square} for {least}");
             }
         }
     }

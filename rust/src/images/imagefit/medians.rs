@@ -84,12 +84,15 @@ impl Medians {
         if seen.len() >= MIN_RETURNS { median(&mut seen) } else { f32::NAN }
     }
 
-    /// Returns whether a pixel is inside the silhouette.
-    #[inline]
-    pub fn inside(&self, pixel: [i64; 2]) -> bool {
-        let [x, y]: [i64; 2] = std::array::from_fn(|k| pixel[k] - self.origin[k] as i64);
-        let within = |n: i64, k: usize| (0..self.frame[k] as i64).contains(&n);
-        within(x, 0) && within(y, 1) && self.inside[y as usize * self.frame[0] + x as usize]
+    /// Tells of each pixel of an image's row, from a column on without end, whether it is inside the silhouette.
+    pub fn inside(&self, column: i64, row: i64) -> impl Iterator<Item = bool> + '_ {
+        let [x, y] = [column - self.origin[0] as i64, row - self.origin[1] as i64];
+        let width = self.frame[0];
+        let known = usize::try_from(y).ok().and_then(|y| self.inside.chunks_exact(width.max(1)).nth(y));
+        let before = usize::try_from(-x).unwrap_or(0);
+        let from = usize::try_from(x).unwrap_or(0).min(width);
+        let known = known.map_or(&[][..], |row| &row[from..]);
+        std::iter::repeat_n(false, before).chain(known.iter().copied()).chain(std::iter::repeat(false))
     }
 
     /// Returns the median at the nearest place of the grid; NaN if there is none. The silhouette is that of the new ones.

@@ -7,7 +7,7 @@ use super::smoothing::Profile;
 
 const REACH: usize = 60; // samples before and after a crossing whose depths bear on it
 /// Samples times crossings: with fewer, each is decided by all depths.
-const MAX_WHOLE: usize = 30_000;
+const MAX_WHOLE: usize = 4_000;
 
 /// The evidence near some overlaps.
 pub struct Stretch {

@@ -1,5 +1,8 @@
 //! Pieces of ropes joined over gaps in the mask, where something hides them or a segmenter lost them.
 
+use std::collections::HashMap;
+use std::sync::Arc;
+
 use super::links::{BENDING, CHANGE, STEP};
 use super::planar::{Place, bending, cleaned, distance, hermite, length, resampled, unit};
 use crate::images::silhouette::Silhouette;
@@ -31,9 +34,30 @@ pub struct Joined {
 struct Bridge {
     /// The chains, and their ends: 0 for the first node, 1 for the last.
     ends: [(usize, usize); 2],
-    curve: Vec<Place>,
+    curve: Arc<Curve>,
+}
+
+/// A curve over a gap, and its cost.
+struct Curve {
+    nodes: Vec<Place>,
     cost: f64,
     fixed: f64,
+}
+
+/// Curves between ends that were asked for before, for one number of ropes: most ways through a mask have most ends in
+/// common.
+#[derive(Default)]
+pub struct KnownCurves {
+    /// The number of each end, by the bits of its nodes.
+    numbers: HashMap<Vec<[u64; 2]>, usize>,
+    curves: HashMap<[usize; 2], Option<Arc<Curve>>>,
+}
+
+impl KnownCurves {
+    fn number(&mut self, end: &[Place]) -> usize {
+        let next = self.numbers.len();
+        *self.numbers.entry(end.iter().map(|x| x.map(f64::to_bits)).collect()).or_insert(next)
+    }
 }
 
 /// Finds the cheapest ways to join chains over gaps, or drop some, until `ropes` are left.
@@ -45,13 +69,14 @@ pub fn join_pieces(
     ropes: Option<usize>,
     each: f64,
     most: usize,
+    known: &mut KnownCurves,
 ) -> Vec<Joined> {
     let asked = ropes.map_or(0, |ropes| chains.len().saturating_sub(ropes.max(1)));
     let gain = if ropes.is_some() { 0.0 } else { each };
     if chains.len() < 2 || (ropes.is_some() && asked == 0) {
         return vec![Joined { chains: chains.to_vec(), cost: 0.0, fixed: 0.0 }];
     }
-    let bridges = find_bridges(silhouette, chains, if ropes.is_some() { MAX_COST } else { each });
+    let bridges = find_bridges(silhouette, chains, if ropes.is_some() { MAX_COST } else { each }, known);
     let left: Vec<f64> = chains.iter().map(|c| 1.0 + DROPPED * length(c) / silhouette.radius_px).collect();
     let mut search = Search {
         bridges: &bridges,
@@ -124,7 +149,7 @@ impl Search<'_> {
                     if taken || group[i] == group[j] {
                         continue;
                     }
-                    (self.bridges[b].cost - self.gain, Some((group[j], group[i])))
+                    (self.bridges[b].curve.cost - self.gain, Some((group[j], group[i])))
                 }
                 Step::Leave(chain) => {
                     // at least one chain must stay
@@ -147,12 +172,34 @@ impl Search<'_> {
 }
 
 /// Finds bridges between ends of chains that cost less than `dearest`, the cheapest first.
-fn find_bridges(silhouette: &Silhouette, chains: &[Vec<Place>], dearest: f64) -> Vec<Bridge> {
+fn find_bridges(
+    silhouette: &Silhouette,
+    chains: &[Vec<Place>],
+    dearest: f64,
+    known: &mut KnownCurves,
+) -> Vec<Bridge> {
+    let near: Vec<[(Vec<Place>, usize); 2]> = chains
+        .iter()
+        .map(|chain| {
+            [0, 1].map(|end| {
+                let nodes = take_from_end(chain, end);
+                let number = known.number(&nodes);
+                (nodes, number)
+            })
+        })
+        .collect();
     let mut found: Vec<Bridge> = pair_ends(chains)
         .into_iter()
-        .filter_map(|ends| make_bridge(silhouette, chains, ends, dearest))
+        .filter_map(|ends| {
+            let [p, q] = ends.map(|(chain, end)| &near[chain][end]);
+            let curve = known.curves.entry([p.1, q.1]).or_insert_with(|| {
+                let curve = make_curve(silhouette, &p.0, &q.0, dearest);
+                curve.map(Arc::new)
+            });
+            curve.as_ref().map(|curve| Bridge { ends, curve: curve.clone() })
+        })
         .collect();
-    found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    found.sort_by(|a, b| a.curve.cost.total_cmp(&b.curve.cost));
     let mut partners = std::collections::HashMap::new();
     found.retain(|bridge| {
         let counts = bridge.ends.map(|end| *partners.get(&end).unwrap_or(&0));
@@ -184,28 +231,22 @@ fn pair_ends(chains: &[Vec<Place>]) -> Vec<[(usize, usize); 2]> {
     pairs
 }
 
-/// Returns a chain's nodes from an end on, without those that turn to the mask's corners.
+/// Returns a chain's first nodes from an end on, without those that turn to the mask's corners.
 fn take_from_end(chain: &[Place], end: usize) -> Vec<Place> {
     let cut = if chain.len() > CORNER_NODES + HEADING_NODES { CORNER_NODES } else { 0 };
-    let nodes = &chain[cut * usize::from(end == 0)..chain.len() - cut * usize::from(end == 1)];
-    if end == 0 { nodes.to_vec() } else { nodes.iter().rev().copied().collect() }
+    let node = |i: usize| if end == 0 { chain[i] } else { chain[chain.len() - 1 - i] };
+    (cut..chain.len()).take(HEADING_NODES + 1).map(node).collect()
 }
 
-/// Finds the cheapest curve between two ends; None if it costs `dearest` or more.
-fn make_bridge(
-    silhouette: &Silhouette,
-    chains: &[Vec<Place>],
-    ends: [(usize, usize); 2],
-    dearest: f64,
-) -> Option<Bridge> {
+/// Finds the cheapest curve between two ends, whose nodes are given; None if it costs `dearest` or more.
+fn make_curve(silhouette: &Silhouette, p: &[Place], q: &[Place], dearest: f64) -> Option<Curve> {
     let radius_px = silhouette.radius_px;
-    let [p, q] = ends.map(|(chain, end)| take_from_end(&chains[chain], end));
     let heading = |p: &[Place]| {
         let back = p[HEADING_NODES.min(p.len() - 1)];
         unit([p[0][0] - back[0], p[0][1] - back[1]])
     };
-    let (a, b, out, into) = (p[0], q[0], heading(&p), heading(&q).map(|x| -x));
-    let mut best: Option<Bridge> = None;
+    let (a, b, out, into) = (p[0], q[0], heading(p), heading(q).map(|x| -x));
+    let mut best: Option<Curve> = None;
     for speed in SPEEDS {
         let curve =
             resampled(&hermite(a, out.map(|x| speed * x), b, into.map(|x| speed * x)), STEP * radius_px);
@@ -235,7 +276,7 @@ fn make_bridge(
         let (bent, change) = bending(&resampled(&whole, STEP * radius_px), radius_px);
         let cost = fixed + BENDING * bent + CHANGE * change.min(1.0);
         if cost < best.as_ref().map_or(dearest, |b| b.cost) {
-            best = Some(Bridge { ends, curve, cost, fixed });
+            best = Some(Curve { nodes: curve, cost, fixed });
         }
     }
     best.filter(|_| distance(a, b) > 1e-6)
@@ -256,8 +297,8 @@ fn assemble(
     for step in chosen {
         match *step {
             Step::Bridge(k) => {
-                cost += bridges[k].cost;
-                fixed += bridges[k].fixed;
+                cost += bridges[k].curve.cost;
+                fixed += bridges[k].curve.fixed;
                 let [(i, e), (j, f)] = bridges[k].ends;
                 over[i][e] = Some((k, false));
                 over[j][f] = Some((k, true));
@@ -291,7 +332,7 @@ fn assemble(
             let (first, last) = (cut(over[chain][enter].is_some()), cut(over[chain][leave].is_some()));
             nodes.extend(&own[first..own.len() - last]);
             let Some((k, turned)) = over[chain][leave] else { break };
-            let curve = &bridges[k].curve;
+            let curve = &bridges[k].curve.nodes;
             if turned {
                 nodes.extend(curve.iter().rev());
             } else {
@@ -322,17 +363,20 @@ mod tests {
             line([121.0, 60.0], [178.0, 60.0]),
             line([178.0, 100.0], [178.0, 118.0]),
         ];
-        let ways = join_pieces(&silhouette, &pieces, Some(2), 5.0, 3);
+        let ways = join_pieces(&silhouette, &pieces, Some(2), 5.0, 3, &mut KnownCurves::default());
         assert_eq!(ways.len(), 3);
         let best = &ways[0];
         let longest = best.chains.iter().map(|c| length(c)).fold(0.0, f64::max);
         assert!(best.chains.len() == 2 && (longest - 156.0).abs() < 2.0, "{longest}");
         assert!(best.cost < 4.0 && ways[1].cost > best.cost + 1.0);
         // the number of ropes is not known: joining over the hidden gap is worth a rope, over the bare table it is not
-        let open = join_pieces(&silhouette, &pieces, None, 5.0, 3);
+        let open = join_pieces(&silhouette, &pieces, None, 5.0, 3, &mut KnownCurves::default());
         assert_eq!(open[0].chains.len(), 2);
         // a single piece stays
-        assert_eq!(join_pieces(&silhouette, &pieces[..1], Some(1), 5.0, 3)[0].chains, pieces[..1]);
+        assert_eq!(
+            join_pieces(&silhouette, &pieces[..1], Some(1), 5.0, 3, &mut KnownCurves::default())[0].chains,
+            pieces[..1]
+        );
     }
 
     #[test]
@@ -351,7 +395,7 @@ mod tests {
     fn a_short_piece_far_off_is_left_out() {
         let silhouette = behind_a_bar();
         let pieces = [line([122.0, 60.0], [178.0, 60.0]), line([130.0, 10.0], [150.0, 10.0])];
-        let ways = join_pieces(&silhouette, &pieces, Some(1), 5.0, 2);
+        let ways = join_pieces(&silhouette, &pieces, Some(1), 5.0, 2, &mut KnownCurves::default());
         assert_eq!(ways[0].chains, pieces[..1]);
         assert!(ways[0].fixed == 0.0 && ways[0].cost > 1.0);
     }

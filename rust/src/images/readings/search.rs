@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BinaryHeap, HashSet};
 use std::sync::Arc;
 
 use super::ends::lead_on;
-use super::gaps::join_pieces;
+use super::gaps::{KnownCurves, join_pieces};
 use super::links::{TAIL, Votes, price_course};
 use super::network::{Network, SPURS, Skeleton};
 use super::pairings::{Pairings, UNCOVERED, rank_pairings};
@@ -246,6 +246,7 @@ fn search(
         choice.iter().zip(&zones).map(|(&i, (_, p))| p.ways.get(i).map_or(0.0, |w| w.cost)).sum()
     };
     let mut found = Vec::new();
+    let mut known = KnownCurves::default();
     let mut heap = BinaryHeap::new();
     let first = vec![0; zones.len()];
     let mut seen = HashSet::from([first.clone()]);
@@ -268,7 +269,7 @@ fn search(
         let ways = if chains.len() > MAX_CHAINS {
             vec![]
         } else {
-            join_pieces(silhouette, &chains, ropes, ROPE, GAPS)
+            join_pieces(silhouette, &chains, ropes, ROPE, GAPS, &mut known)
         };
         for way in ways {
             let number = match ropes {

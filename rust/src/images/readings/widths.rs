@@ -3,7 +3,7 @@
 use super::network::{SPURS, Skeleton};
 use super::planar::{Place, length};
 use crate::images::rope_mask::RopeMask;
-use crate::images::strokes::find_scale;
+use crate::images::strokes::find_scale_of_widths;
 
 const MIN_LENGTH: f64 = 4.0; // shorter strands may be spurs of a ragged mask, image radii
 /// The radius of a strand that counts as single at most, image radii: near strands are wider than far ones.
@@ -17,7 +17,7 @@ const MERGED: u32 = 1; // owner of pixels that measure nothing: where strands me
 /// strands over their length. Where strands merge, and at ends, nothing is measured. None without a single strand.
 pub fn measure_strands(mask: &RopeMask, radius_px: f64) -> Option<(f64, Vec<Vec<Place>>)> {
     let widest = SLACK * radius_px;
-    let filled = mask.fill(widest, find_scale(widest))?;
+    let filled = mask.fill(widest, find_scale_of_widths(radius_px))?;
     let strokes = mask.trace(&filled);
     let skeleton = Skeleton::new(&strokes, widest, SPURS[0]);
     let network = skeleton.read(widest, false, &[]);
