@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -158,7 +159,7 @@ def _count_wires(
         return [None] * len(graph.pairs), []
     side_by_side = wire * np.sqrt(harness.beside.wires)
     radii = np.where(harness.beside.flat, side_by_side, harness.fitted.widths)
-    choice = choose_radii(radii, graph.pairs, list_bundles(wire))
+    choice = choose_radii(radii, graph.pairs, list_bundles(wire), harness.fitted.deviations)
     if choice.counts[0] is None:
         reason = (
             f"strands with radii of {radii.min() * 1e3:.1f} to {radii.max() * 1e3:.1f} mm are no bundles of"
@@ -166,10 +167,26 @@ def _count_wires(
         return choice.counts, [
             Doubt("wires", _NO_BUNDLES, "how many wires there are", f"{reason} wires of {wire * 1e3:.1f} mm")
         ]
+    doubts = []
+    if choice.strained:
+        off = radii / list_bundles(wire)[choice.numbers] - 1.0
+        worst = int(np.abs(off).argmax())
+        side = "thicker" if off[worst] > 0.0 else "thinner"
+        reason = (
+            f"a strand is {100.0 * abs(off[worst]):.0f} % {side} than a bundle of {choice.counts[worst]} "
+            f"wires with a radius of {wire * 1e3:.2f} mm"
+        )
+        doubts.append(Doubt("wires", _NO_BUNDLES, "how many wires there are", reason))
+    other = 1.0 / (1.0 + math.exp(0.5 * min(choice.margin, 100.0)))
+    if choice.rival is not None and other > _MIN_WARNED:
+        counts = ", ".join(str(number + 1) for number in choice.rival)
+        reason = f"edges with {counts} wires fit nearly as well"
+        doubts.append(Doubt("wires", other, "how many wires there are", reason))
     reason = "the wires of the thickest strand are not the sum of the others' wires"
-    return choice.counts, [
+    at_nodes = [
         Doubt("wires", _UNEQUAL, "how many wires meet", reason, graph.places[node]) for node in choice.unequal
     ]
+    return choice.counts, [*doubts, *at_nodes]
 
 
 def _collect(harness: FoundHarness, scene: Scene) -> Found:

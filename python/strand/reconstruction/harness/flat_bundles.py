@@ -22,6 +22,7 @@ _MOST = 20  # wires side by side: strands that are lower are no ropes, or the ta
 _INSIDE = (0.125, 0.875)  # stretch of a strand that tells, of its nodes
 _ACROSS = np.linspace(-0.8, 0.8, 17)  # half widths: places across a strand, of which some lie on wires' backs
 _BACK = 85.0  # percentile of the heights across a strand that is the height of the wires' backs
+_LOW = 35.0  # percentile of a strand's heights where it lies on the table: other parts lie on strands
 _TIE = 0.25  # height of a tie over the wires' backs at least, radii of a wire
 _NEAR_TIE = 5.0  # distance of a tie from a junction that it is at most, radii of a wire
 _UNDER_TIES = 9  # nodes whose median is the height without ties
@@ -45,11 +46,15 @@ class FlatBundles:
         Of such a wire, metres; 0 without a flat strand.
     up : (3,) ndarray
         Unit vector across the plane in which they lie.
+    lying : (K,) ndarray
+        The radius of each strand by the height of its back, if it is round and lies on the table, metres;
+        infinite without a table.
     """
 
     wires: NDArray[np.int64]
     radius: float
     up: Array
+    lying: Array
 
     @property
     def flat(self) -> NDArray[np.bool_]:
@@ -134,29 +139,30 @@ def find_flat_bundles(
     """
     wires, up = np.ones(len(strands), dtype=np.int64), drawn.frame[:, 2]
     if table is None:
-        return FlatBundles(wires, 0.0, up)
+        return FlatBundles(wires, 0.0, up, np.full(len(strands), np.inf))
     shapes = [_measure_shape(strand, drawn, table) for strand in strands]
-    heights, halves = np.array(shapes).T
+    heights, lows, halves = np.array(shapes).T
     widths = np.array([strand.half_width for strand in strands])
+    lying = lows / (1.0 + drawn.ridge)
     shares = heights / ((1.0 + drawn.ridge) * widths)
     flat = (shares < _FLAT) & (shares > 1.0 / _MOST)
     if not flat.any():
-        return FlatBundles(wires, 0.0, up)
+        return FlatBundles(wires, 0.0, up, lying)
     radius = float(np.median(heights[flat])) / (1.0 + drawn.ridge) if wire is None else wire
     wires[flat] = np.maximum(np.rint(halves[flat] / radius), 2)
-    return FlatBundles(wires, radius, up)
+    return FlatBundles(wires, radius, up, lying)
 
 
-def _measure_shape(strand: Strand, drawn: SurfaceMap, table: Plane) -> tuple[float, float]:
-    """Return the height of a strand's surface over the table, and its half width if it is flat, metres."""
-    low, high = (round(share * len(strand.nodes)) for share in _INSIDE)
-    places, heights = drawn.flatten(strand.nodes[low:high])
+def _measure_shape(strand: Strand, drawn: SurfaceMap, table: Plane) -> tuple[float, float, float]:
+    """Return the height of a strand's back over the table, a low one, and its half width if flat, metres."""
+    first, last = (round(share * len(strand.nodes)) for share in _INSIDE)
+    places, heights = drawn.flatten(strand.nodes[first:last])
     _, backs = _sample_across(places, strand.half_width / drawn.cell, drawn)
-    height = float(np.median(table.measure_heights(drawn.lift(places, backs))))
+    low, height = np.percentile(table.measure_heights(drawn.lift(places, backs)), (_LOW, 50.0)).tolist()
     # a map drawn aslant shows flat strands narrower
     steps = drawn.lift(places + _find_normals(places), heights) - drawn.lift(places, heights)
     aslant = np.linalg.norm(steps, axis=1) / drawn.cell
-    return height, float(np.median(aslant)) * strand.half_width
+    return height, low, float(np.median(aslant)) * strand.half_width
 
 
 def hold_at_ties(

@@ -29,6 +29,9 @@ _SAME_SD = 0.003  # radii: deviation of radii that were chosen
 _TUBE_SD = 0.05  # radii: deviation of radii of tubes fitted to points without noise
 _NOISY = 0.1  # noise that doubles it, radii
 _MASK_SD = 0.12  # radii: deviation of half widths of a strand's mask
+_BY_HEIGHT = 0.75  # weight of the height of a strand that lies on the table, against that of its tube
+_LYING_SD = 0.015  # radii: deviation of radii by height and tube where both agree
+_DIFFER_SD = 0.25  # the same for each radius by which they differ
 _ALONG = 0.05  # weight of a junction's place in the plan over that of strands
 _HELD = 10.0  # the same of a junction whose place a tie tells
 _APART = 0.9  # distance of strands that are apart, sums of their radii
@@ -62,6 +65,8 @@ class Fitted:
         Of these, m^2.
     widths : (K,) ndarray
         The radius of each strand, metres: a given one, or by its own points and mask.
+    deviations : (K,) ndarray
+        Of radii by points and mask, relative to them.
     """
 
     fit: TubeFit
@@ -70,6 +75,7 @@ class Fitted:
     places: Array
     covariances: Array
     widths: Array
+    deviations: Array
 
 
 def fit_harness(
@@ -156,11 +162,15 @@ def _fit(
         **along_ray,
     )
     masks = beside.list_radii(halves / np.sqrt(beside.wires))
-    widths = beside.list_widths(_weigh_radii(masks, alone, start))
-    final, deviation = _choose_final(widths, list_pairs(strands, len(places)), possible)
+    lying = beside.list_radii(np.where(beside.flat, np.inf, beside.lying))
+    measured, relative_sd = _weigh_radii(masks, lying, alone, start)
+    widths, deviations = beside.list_widths(measured), relative_sd[beside.classes]
+    final, is_chosen, is_held = _choose_final(widths, deviations, list_pairs(strands, len(places)), possible)
     radii = beside.list_radii(final)
-    if deviation is not None:
-        along_ray["radius_prior"] = np.column_stack([radii, deviation * radii])
+    if not is_held:
+        # radii that nobody gave are held where heights tell them
+        sure = is_chosen or bool(np.isfinite(beside.lying).all())
+        along_ray["radius_prior"] = np.column_stack([radii, (_SAME_SD if sure else _RADIUS_SD) * radii])
     try:
         fit = fit_curves(
             clouds, alone.curves, classes, alone.motions, radii, config, uncertainty=True, **along_ray
@@ -173,35 +183,47 @@ def _fit(
     parts = _cut(fit, strands)
     places, covariances, parts = _share_points(fit, parts, strands, places, held)
     closed = [strand.closed for strand in strands]
-    chains = make_chains(fit, parts, closed, fit.radii_sd[fit.radius_classes], config)
+    radii_sd = fit.radii_sd if is_chosen else np.maximum(fit.radii_sd, relative_sd * fit.radii)
+    chains = make_chains(fit, parts, closed, radii_sd[fit.radius_classes], config)
     chains = [
         replace(_bend_to(chain, strand, places), radius=width)
         for chain, strand, width in zip(chains, strands, final.tolist(), strict=True)
     ]
     sizes = [len(points) for points in clouds.points]
-    return Fitted(fit, sizes, chains, places, covariances, final if deviation is None else widths)
+    return Fitted(fit, sizes, chains, places, covariances, final if is_held else widths, deviations)
 
 
 def _choose_final(
-    widths: Array, pairs: Sequence[tuple[int, int]], possible: Possible
-) -> tuple[Array, float | None]:
-    """Return the radius of each strand, and its relative deviation; None if it is held."""
-    final, deviation = widths, _RADIUS_SD
-    for some, is_held in ((possible.given, True), (possible.bundles, False)):
+    widths: Array, deviations: Array, pairs: Sequence[tuple[int, int]], possible: Possible
+) -> tuple[Array, bool, bool]:
+    """Return the radius of each strand, whether it is one of the possible ones, and whether it is given."""
+    refused = None
+    for some, is_given in ((possible.given, True), (possible.bundles, False)):
         if some is None:
             continue
-        chosen = choose_radii(widths, pairs, some)
-        final, deviation = some[chosen.numbers], _SAME_SD
-        if not chosen.refused:
-            return final, None if is_held else deviation
-    return final, deviation
+        choice = choose_radii(widths, pairs, some, deviations)
+        if not choice.refused:
+            return some[choice.numbers], True, is_given
+        if is_given:
+            refused = some[choice.numbers]
+    return (widths, False, False) if refused is None else (refused, True, False)
 
 
-def _weigh_radii(masks: Array, fit: TubeFit, radii: Array) -> Array:
-    """Return radii of classes by tubes and by masks: points with much noise make tubes too thick."""
+def _weigh_radii(masks: Array, lying: Array, fit: TubeFit, radii: Array) -> tuple[Array, Array]:
+    """Return radii of classes, metres, and their relative deviations, by tubes and by heights or masks.
+
+    Points with much noise make tubes too thick, as do masks that are too wide. Both leave the height of a
+    strand that lies on the table as it is; one that lies on others is higher.
+    """
     tube_sd = _TUBE_SD * (1.0 + (fit.sigma / (_NOISY * radii)) ** 2)
     share = tube_sd**-2.0 / (tube_sd**-2.0 + _MASK_SD**-2.0)
-    return np.asarray(np.exp(share * np.log(fit.radii) + (1.0 - share) * np.log(masks)))
+    by_mask = np.exp(share * np.log(fit.radii) + (1.0 - share) * np.log(masks))
+    mask_sd = np.sqrt(1.0 / (tube_sd**-2.0 + _MASK_SD**-2.0))
+    higher = np.log(np.maximum(fit.radii / lying, 1e-300))
+    by_height = fit.radii * np.exp(-_BY_HEIGHT * np.maximum(higher, 0.0))
+    height_sd = _LYING_SD + _DIFFER_SD * np.abs(higher)
+    is_lying = np.isfinite(lying)
+    return np.where(is_lying, by_height, by_mask), np.where(is_lying, height_sd, mask_sd)
 
 
 def _choose(radii: Array, measured: Array) -> Array:

@@ -7,7 +7,7 @@ is the sum of the others' squares. A moulded harness or a plant does not keep to
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -17,12 +17,13 @@ from strand.support.checks import Array
 
 _MAX_WIRES = 60  # of a strand
 _NEAREST = 4  # radii near a strand's own that are tried
-_OWN_SD = 0.05  # radii: standard deviation of measured radii
-_SHARED_SD = 0.12  # least radii: that of an error that all strands share, as masks that are too wide
-_SHARED = np.linspace(-3.0, 3.0, 25) * _SHARED_SD
+_MASK_SD = 0.05  # radii: standard deviation of half widths of masks
+_SHARED_SDS = 1.5  # deviations: that of an error that all strands share, as masks that are too wide
+_SHARED = np.linspace(-3.0, 3.0, 25)  # deviations of the shared error that are tried
 _UNEQUAL = 9.0  # cost of a junction at which squares do not add up
 _TOLERANCE = 0.04  # of the greatest square: squares that differ by less add up
 _REFUSED = 6.0  # mean cost of a strand: with more, these are no bundles of such wires
+_STRAINED = 4.0  # mean cost, the shared error's included: with more, the wire may have another radius
 _ROUNDS = 20  # of improving the radii junction by junction at most
 
 
@@ -60,11 +61,20 @@ class Choice:
         The junctions at which squares of radii do not add up.
     cost : float
         Mean squared misfit of the strands' radii, standard deviations.
+    shared : float
+        The error that all measured radii share, standard deviations.
+    rival : (K,) ndarray of int or None
+        The next likely choice.
+    margin : float
+        How much more it costs, squared standard deviations.
     """
 
     numbers: NDArray[np.int64]
     unequal: list[int]
     cost: float
+    shared: float
+    rival: NDArray[np.int64] | None = None
+    margin: float = np.inf
 
     @property
     def refused(self) -> bool:
@@ -72,12 +82,19 @@ class Choice:
         return self.cost > _REFUSED
 
     @property
+    def strained(self) -> bool:
+        """Whether strands have the possible radii only with errors that are hardly likely."""
+        return self.cost + self.shared**2 > _STRAINED
+
+    @property
     def counts(self) -> list[int | None]:
         """Numbers of wires, if the radii are those of 1, 2, 3 ... wires; None where they contradict it."""
         return [None if self.refused else int(number) + 1 for number in self.numbers]
 
 
-def choose_radii(measured: Array, pairs: Sequence[tuple[int, int]], possible: Array) -> Choice:
+def choose_radii(
+    measured: Array, pairs: Sequence[tuple[int, int]], possible: Array, deviations: Array | float = _MASK_SD
+) -> Choice:
     """Choose a radius for each strand.
 
     Parameters
@@ -88,21 +105,27 @@ def choose_radii(measured: Array, pairs: Sequence[tuple[int, int]], possible: Ar
         The nodes where each strand starts and stops.
     possible : (N,) ndarray
         The radii that strands may have, in rising order, metres.
+    deviations : float or (K,) ndarray
+        Of the measured radii, relative to them.
     """
     at = _list_junctions(pairs)
-    best: Choice | None = None
-    least = np.inf
+    own_sd = np.broadcast_to(deviations, measured.shape)[:, None]
+    shared_sd = _SHARED_SDS * float(np.median(own_sd)) * measured.min()
+    found = []
     for shared in _SHARED:
-        own = measured - shared * measured.min()
-        misfits = ((possible[None] / own[:, None] - 1.0) / _OWN_SD) ** 2
+        own = measured - shared * shared_sd
+        misfits = ((possible[None] / own[:, None] - 1.0) / own_sd) ** 2
         numbers = _find_best(misfits, at, possible**2)
         unequal = [node for node, strands in at.items() if not _add_up(possible[numbers[strands]] ** 2)]
-        own_cost = misfits[np.arange(len(own)), numbers].sum()
-        cost = own_cost + _UNEQUAL * len(unequal) + (shared / _SHARED_SD) ** 2
-        if cost < least:
-            best, least = Choice(numbers, unequal, float(own_cost) / max(len(own), 1)), cost
-    assert best is not None
-    return best
+        own_cost = float(misfits[np.arange(len(own)), numbers].sum())
+        choice = Choice(numbers, unequal, own_cost / max(len(own), 1), float(shared))
+        found.append((own_cost + _UNEQUAL * len(unequal) + float(shared) ** 2, choice))
+    least, best = min(found, key=lambda one: one[0])
+    others = [one for one in found if not np.array_equal(one[1].numbers, best.numbers)]
+    if not others:
+        return best
+    cost, rival = min(others, key=lambda one: one[0])
+    return replace(best, rival=rival.numbers, margin=cost - least)
 
 
 def list_bundles(wire: float) -> Array:

@@ -45,7 +45,7 @@ def test_the_line_of_wires_side_by_side_runs_in_their_middle(seed):
 
 def test_wires_side_by_side_are_tubes_whose_mean_is_their_strand():
     control = np.column_stack([np.linspace(0.0, 0.2, 9), np.zeros(9), np.zeros(9)])
-    bundles = FlatBundles(np.array([1, 4]), 0.003, np.array([0.0, 0.0, 1.0]))
+    bundles = FlatBundles(np.array([1, 4]), 0.003, np.array([0.0, 0.0, 1.0]), np.full(2, np.inf))
     tubes = bundles.lay([control, control])
     assert [len(tube) for tube in tubes] == [9] * 5
     np.testing.assert_array_equal(tubes[0], control)
