@@ -1,9 +1,9 @@
-"""Ropes that do not branch: the chains of tubes, if they are sure, and no end meets a strand's side."""
+"""Ropes that do not branch: chains that are sure, of which no end meets a strand where a junction may be."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -13,19 +13,19 @@ from strand.config import Config
 from strand.reconstruction.evidence.confidence import compute_trust
 from strand.reconstruction.harness.strands import Strand
 from strand.reconstruction.harness.surface_map import SurfaceMap
-from strand.reconstruction.stages import Observed, Run
+from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.tubes.clouds import Clouds
-from strand.reconstruction.tubes.method import find_chains
 from strand.ropes.chain import Chain
 from strand.ropes.contacts import Contact, find_contacts
 from strand.ropes.crossings import find_crossings
 from strand.support.checks import Array
 
 _MAX_VIEWS = 3  # more hardly make chains surer
-_MIN_TRUST = 0.8  # of chains that count
+_MIN_TRUST = 0.6  # of chains that count
 _ALIKE = 1.4  # ratio of a radius and the half width of a strand's mask at most
 _MEETING = 0.5  # gap between an end's axis and a strand's surface where they meet at most, radii
 _LEVEL = 0.5  # difference of their heights there at most, sums of their radii
+_SAME_PLACE = 4.0  # distance of such an end from a junction there at most, radii
 _OWN = 6.0  # stretch of rope at an end that it cannot meet, radii
 _TIED = 0.2  # gap of strands that a tie may hold together, radii
 _TIE = 0.95  # height of a tie over the strands' axes at least, ridges: between touching ropes is a valley
@@ -37,8 +37,28 @@ _BESIDE = 2.3  # distance of these turns at most, sums of their radii
 _STEP = 0.25  # radii: distance of the places where ties are sought
 
 
-def trace_ropes(observed: Observed, config: Config, run: Run) -> list[Chain]:
-    """Return the chains of tubes in a few of the views; none if they are not sure.
+Method = Callable[[Observed, Config, Run], Found]
+"""A way to find ropes that do not branch."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ropes:
+    """Ropes that a method found, as if none branched.
+
+    Attributes
+    ----------
+    chains : list of Chain
+        None if the method is not sure of them.
+    trust : float
+        How sure it is, from 0 to 1.
+    """
+
+    chains: list[Chain]
+    trust: float
+
+
+def trace_ropes(observed: Observed, config: Config, run: Run, method: Method) -> Ropes:
+    """Return ropes by a method, in a few of the views.
 
     Parameters
     ----------
@@ -46,14 +66,15 @@ def trace_ropes(observed: Observed, config: Config, run: Run) -> list[Chain]:
     config : Config
     run : Run
         Its warnings stay as they are.
+    method : callable
     """
     try:
-        found = find_chains(_take_few(observed), config, run.fork())
+        found = method(_take_few(observed), config, run.fork())
     except NotEnoughDataError:
-        return []
+        return Ropes([], 0.0)
     # how far an end reaches is no question of branches
-    doubts = [doubt for doubt in found.doubts or () if doubt.kind != "end"]
-    return list(found.chains) if compute_trust(doubts) >= _MIN_TRUST else []
+    trust = compute_trust([doubt for doubt in found.doubts or () if doubt.kind != "end"])
+    return Ropes(list(found.chains) if trust >= _MIN_TRUST else [], trust)
 
 
 def list_seen_radii(radii: Array, halves: Sequence[float]) -> tuple[int, ...]:
@@ -66,11 +87,26 @@ def list_seen_radii(radii: Array, halves: Sequence[float]) -> tuple[int, ...]:
     return tuple(seen.tolist() if len(seen) else range(len(radii)))
 
 
-def find_alone(chains: Sequence[Chain], drawn: SurfaceMap) -> list[Strand] | None:
-    """Return the chains of `trace_ropes` as strands without junctions; None if they may branch."""
+def find_alone(chains: Sequence[Chain], drawn: SurfaceMap, junctions: Array) -> list[Strand] | None:
+    """Return ropes as strands without junctions; None if they may branch.
+
+    Parameters
+    ----------
+    chains : sequence of Chain
+        Of `trace_ropes`.
+    drawn : SurfaceMap
+    junctions : (J, 2) ndarray
+        Rows and columns of the junctions that the map shows.
+    """
     up = drawn.frame[:, 2]
-    if not chains or _meet(chains, up) or _turn_apart(chains):
+    if not chains or _turn_apart(chains, up):
         return None
+    meetings = _find_meetings(chains, up)
+    if len(meetings) and len(junctions):
+        places, _ = drawn.flatten(meetings)
+        away = np.linalg.norm(places[:, None] - junctions, axis=2) * drawn.cell
+        if away.min() < _SAME_PLACE * max(chain.radius for chain in chains):
+            return None
     least = _LEVEL * 2.0 * min(chain.radius for chain in chains)
     if any(abs(crossing.height) < least for crossing in find_crossings(chains, up, ())):
         return None
@@ -111,8 +147,10 @@ def _may_be_tied(contact: Contact, chains: Sequence[Chain], drawn: SurfaceMap) -
         for chain, stretch in ((first, contact.stretch_first), (second, contact.stretch_second))
     )
     gaps = np.linalg.norm(some[:, None] - other, axis=2)
-    near = gaps.min(axis=1) < _APART * reach
-    middles = 0.5 * (some + other[gaps.argmin(axis=1)])[near]
+    beside = other[gaps.argmin(axis=1)]
+    # where one lies on the other, the surface is high without a tie
+    near = (gaps.min(axis=1) < _APART * reach) & (np.abs((some - beside) @ up) < _LEVEL * reach)
+    middles = 0.5 * (some + beside)[near]
     if not len(middles):
         return False
     places, heights = drawn.flatten(middles)
@@ -127,9 +165,9 @@ def _sample_around(chain: Chain, stretch: tuple[float, float]) -> Array:
     return chain.at(np.linspace(low, high, count))
 
 
-def _turn_apart(chains: Sequence[Chain]) -> bool:
+def _turn_apart(chains: Sequence[Chain], up: Array) -> bool:
     """Tell whether two strands turn sharply beside each other, as branches of two junctions do."""
-    bent = [_list_bends(chain) for chain in chains]
+    bent = [_list_bends(chain, up) for chain in chains]
     for (some, own), (other, others) in combinations(zip(chains, bent, strict=True), 2):
         gaps = np.linalg.norm(own[:, None] - others, axis=2)
         if gaps.min(initial=np.inf) < _BESIDE * (some.radius + other.radius):
@@ -137,37 +175,47 @@ def _turn_apart(chains: Sequence[Chain]) -> bool:
     return False
 
 
-def _list_bends(chain: Chain) -> Array:
-    """Return places (M, 3) where a chain turns sharply."""
+def _list_bends(chain: Chain, up: Array) -> Array:
+    """Return places (M, 3) where a chain turns sharply in the plan: over a crossing it turns in height."""
     reach = _BENT_REACH * chain.radius
     s = np.arange(reach[-1], chain.length - reach[-1], _STEP * chain.radius)
     if not len(s):
         return np.zeros((0, 3))
     before, start, stop, after = (chain.at(s + away) for away in reach)
-    first, second = start - before, after - stop
+    first, second = ((way - np.outer(way @ up, up)) for way in (start - before, after - stop))
     sizes = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
     cosines = np.einsum("ij,ij->i", first, second) / np.maximum(sizes, 1e-18)
     return chain.at(s[cosines < np.cos(_BENT)])
 
 
-def _meet(chains: Sequence[Chain], up: Array) -> bool:
-    """Tell whether an end lies at a strand's side, at its height."""
+def _find_meetings(chains: Sequence[Chain], up: Array) -> Array:
+    """Return the ends (M, 3) that lie at a strand's side, at its height, metres."""
+    found = []
     for number, chain in enumerate(chains):
         if chain.closed:
             continue
         for s in (0.0, chain.length):
             tip = chain.at(np.array([s]))[0]
-            for other, host in enumerate(chains):
-                nodes = host.points
-                if other == number:
-                    away = np.abs(np.linspace(0.0, chain.length, len(nodes)) - s)
-                    nodes = nodes[away > _OWN * chain.radius]
-                if not len(nodes):
-                    continue
-                offsets = nodes - tip
-                nearest = offsets[np.einsum("ij,ij->i", offsets, offsets).argmin()]
-                rise = float(nearest @ up)
-                gap = float(np.linalg.norm(nearest - rise * up)) - host.radius
-                if gap < _MEETING * chain.radius and abs(rise) < _LEVEL * (chain.radius + host.radius):
-                    return True
-    return False
+            if any(
+                _lies_beside(tip, chain, _leave_out(chain, s) if other == number else host.points, host, up)
+                for other, host in enumerate(chains)
+            ):
+                found.append(tip)
+    return np.array(found).reshape(-1, 3)
+
+
+def _leave_out(chain: Chain, s: float) -> Array:
+    """Return the nodes of a chain that its end at an arc length can meet."""
+    away = np.abs(np.linspace(0.0, chain.length, len(chain.points)) - s)
+    return chain.points[away > _OWN * chain.radius]
+
+
+def _lies_beside(tip: Array, chain: Chain, nodes: Array, host: Chain, up: Array) -> bool:
+    """Tell whether an end of a chain lies at the side of a host with some nodes, at its height."""
+    if not len(nodes):
+        return False
+    offsets = nodes - tip
+    nearest = offsets[np.einsum("ij,ij->i", offsets, offsets).argmin()]
+    rise = float(nearest @ up)
+    gap = float(np.linalg.norm(nearest - rise * up)) - host.radius
+    return gap < _MEETING * chain.radius and abs(rise) < _LEVEL * (chain.radius + host.radius)

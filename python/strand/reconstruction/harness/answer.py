@@ -38,7 +38,7 @@ from strand.ropes.model import Model
 from strand.support.checks import Array
 
 _SAME_PLACE = 6.0  # distance of nodes of two looks that are one at most, radii
-_SURE = 0.8  # confidence above which no other look is taken
+_SURE = (0.8, 0.9)  # confidence of one look and of two above which no other is taken
 _NO_BUNDLES = 0.1  # doubt of strands that are no bundles of the given wire
 _FLAT = 0.12  # doubt of a harness with wires that lie side by side
 _UNEQUAL = 0.1  # doubt of a junction at which wires do not add up
@@ -128,7 +128,8 @@ def _find_surest(scene: Scene, hints: Hints, run: Run) -> _Look:
         certainty = judge(harness, graph, chains)
         looks.append(_Look(harness, found, poses, pose_sd, chains, graph, certainty))
         # one view may be sure where a strand hides another
-        if looks[-1].confidence >= _SURE and len(scene.observed.views) > 1:
+        sure = _SURE[min(len(looks), 2) - 1]
+        if looks[-1].confidence >= sure and (len(looks) > 1 or len(scene.observed.views) > 1):
             break
     best, *others = sorted(looks, key=lambda look: -look.confidence)
     reach = _SAME_PLACE * max(chain.radius for chain in best.chains)

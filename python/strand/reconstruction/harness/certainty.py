@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-import strand._core as _core
 from strand.reconstruction.harness.graph import Graph
 from strand.reconstruction.harness.method import FoundHarness
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
+from strand.support.checks import Array
 
 _JUNCTION = 0.985  # confidence of a junction that nothing speaks against
 _SLOW = 0.92  # of it where branches part slowly, so that the place is not sure
@@ -28,6 +29,7 @@ _NOISE_DOUBT = 1.5  # doubt for each further least radius of noise
 _SHORT = 3.0  # sums of radii: shorter edges may be part of one place
 _SHORT_DOUBT = 0.25  # doubt of each
 _NEAR_END = 4.0  # radii: ends nearer than this to another strand may belong to it
+_LEVEL = 0.6  # difference of heights of strands beside each other at most, sums of their radii
 _NEAR_DOUBT = 0.15  # doubt of each
 _BENT = np.radians(65.0)  # radians: turn of an edge close to its junction that is no rope's
 _BENT_REACH = (1.5, 6.0)  # radii from the junction between which it turns
@@ -92,6 +94,9 @@ def judge(found: FoundHarness, graph: Graph, chains: Sequence[Chain]) -> Certain
     if not joined and len(found.lines.hubs) and not found.traced:
         reason = "tubes do not confirm that these are ropes without junctions"
         doubts.append(Doubt("rival", _UNCONFIRMED, "whether there is a junction", reason))
+    if found.trust is not None:
+        amount = -math.log(max(found.trust, 1e-9))
+        doubts.append(Doubt("rival", amount, "how ropes run", "where they cross, they may run otherwise"))
     noise = fit.sigma / float(fit.radii.min()) - _SMALL_NOISE
     if noise > 0.0:
         reason = f"the noise, {fit.sigma * 1e3:.2g} mm, is wide for ropes of {fit.radii.min() * 1e3:.2g} mm"
@@ -102,7 +107,8 @@ def judge(found: FoundHarness, graph: Graph, chains: Sequence[Chain]) -> Certain
     if left > 0.0:
         reason = f"{100.0 * (left + _LEFT_SHARE):.0f} % of the points lie on no strand"
         doubts.append(Doubt("left out", _LEFT_DOUBT * left, "what is there", reason))
-    return Certainty(nodes, crossings, [*doubts, *_doubt_edges(graph, chains), *_doubt_ends(graph, chains)])
+    of_edges, of_ends = _doubt_edges(graph, chains), _doubt_ends(graph, chains, found.ground.up)
+    return Certainty(nodes, crossings, [*doubts, *of_edges, *of_ends])
 
 
 _WHY_JOINED = "a crossing, or an end that lies on a strand, explains it nearly as well"
@@ -150,17 +156,20 @@ def _doubt_edges(graph: Graph, chains: Sequence[Chain]) -> list[Doubt]:
     return doubts
 
 
-def _doubt_ends(graph: Graph, chains: Sequence[Chain]) -> list[Doubt]:
-    """Doubt free ends that lie beside another strand, or beside another end."""
+def _doubt_ends(graph: Graph, chains: Sequence[Chain], up: Array) -> list[Doubt]:
+    """Doubt free ends that lie beside another strand, or beside another end, at its height."""
     degrees, doubts = graph.degrees, []
     for number, (pair, chain) in enumerate(zip(graph.pairs, chains, strict=True)):
         for late, node in enumerate(pair):
-            others = [other.points for k, other in enumerate(chains) if k != number]
-            if degrees[node] > 1 or not others:
+            if degrees[node] > 1:
                 continue
-            tip = np.ascontiguousarray(chain.points[-late][None])
-            gap = float(np.sqrt(_core.find_squared_distances(tip, np.concatenate(others))[0]))
-            if gap < _NEAR_END * chain.radius:
-                reason = "a strand ends beside another one: they may be joined"
-                doubts.append(Doubt("end", _NEAR_DOUBT, "whether a strand ends", reason, chain.points[-late]))
+            tip = chain.points[-late]
+            for other in [other for k, other in enumerate(chains) if k != number]:
+                offsets = other.points - tip
+                level = np.abs(offsets @ up) < _LEVEL * (chain.radius + other.radius)
+                near = np.einsum("ij,ij->i", offsets, offsets) < (_NEAR_END * chain.radius) ** 2
+                if (level & near).any():
+                    reason = "a strand ends beside another one: they may be joined"
+                    doubts.append(Doubt("end", _NEAR_DOUBT, "whether a strand ends", reason, tip))
+                    break
     return doubts

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
@@ -11,7 +12,8 @@ import numpy as np
 import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.config import Config
-from strand.reconstruction.harness.alone import find_alone, list_seen_radii, trace_ropes
+from strand.reconstruction.default import find_chains
+from strand.reconstruction.harness.alone import Method, Ropes, find_alone, list_seen_radii, trace_ropes
 from strand.reconstruction.harness.flat_bundles import (
     FlatBundles,
     find_flat_bundles,
@@ -35,8 +37,8 @@ from strand.reconstruction.harness.surface_map import SurfaceMap, make_map
 from strand.reconstruction.harness.wires import Possible, choose_radii, list_bundles
 from strand.reconstruction.stages import Observed, Run
 from strand.reconstruction.tubes.clouds import Clouds
+from strand.reconstruction.tubes.method import find_chains as find_tubes
 from strand.reconstruction.wide_surfaces import describe_surface
-from strand.ropes.chain import Chain
 from strand.ropes.netlist import Netlist
 from strand.support.checks import Array
 
@@ -49,7 +51,8 @@ _MAX_STRANDS = 120  # of a harness: more are a net, or no ropes
 
 
 SECOND_LOOK = "a look at the harness from the cameras"
-"""Name of the work that a deadline may skip."""
+AS_ROPES = "the ropes that there are if none branches"
+"""Names of the work that a deadline may skip."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +72,9 @@ class FoundHarness:
     places : (J, 3) ndarray
         The junctions before the fit, metres.
     fitted : Fitted
-    traced : bool
-        Whether tubes traced the strands, which are ropes without junctions.
+    trust : float or None
+        How sure a method for ropes is of the strands, which are ropes without junctions; None if the strands
+        are those of the map.
     """
 
     drawn: SurfaceMap
@@ -81,7 +85,12 @@ class FoundHarness:
     beside: FlatBundles
     places: Array
     fitted: Fitted
-    traced: bool
+    trust: float | None
+
+    @property
+    def traced(self) -> bool:
+        """Whether a method for ropes traced the strands."""
+        return self.trust is not None
 
 
 def find_harnesses(
@@ -123,22 +132,24 @@ def find_harnesses(
     )
     with run.stage("register"):
         ground = find_ground(observed, asked.extremes)
-    ropes = cache(lambda some: trace_ropes(replace(observed, radii=observed.radii.select(some)), config, run))
-    first = _look(ground, ground.up, ropes, asked)
+    by_tubes = cache(lambda some: asked.trace(some, find_tubes))
+    above = _look(ground, ground.up, asked)
+    first = _answer(above, by_tubes, asked)
     yield first
     if first.traced:
         return
     toward = ground.ways.sum(axis=0)
     toward /= np.linalg.norm(toward)
-    if not _LEAST_COSINE < float(toward @ ground.up) < _SAME_COSINE or run.skips(SECOND_LOOK):
-        return
-    try:
-        yield _look(ground, toward, ropes, asked)
-    except NotEnoughDataError:
-        return
+    if _LEAST_COSINE < float(toward @ ground.up) < _SAME_COSINE and not run.skips(SECOND_LOOK):
+        with contextlib.suppress(NotEnoughDataError):
+            yield _answer(_look(ground, toward, asked), by_tubes, asked)
+    if not run.skips(AS_ROPES):
+        last = _find_ropes(above, lambda some: asked.trace(some, find_chains), asked)
+        if last is not None:
+            yield last
 
 
-_TraceRopes = Callable[[tuple[int, ...]], list[Chain]]
+_TraceRopes = Callable[[tuple[int, ...]], Ropes]
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,9 +164,27 @@ class _Asked:
     config: Config
     run: Run
 
+    def trace(self, some: tuple[int, ...], method: Method) -> Ropes:
+        """Return ropes with the radii of some numbers, by a method."""
+        observed = replace(self.observed, radii=self.observed.radii.select(some))
+        return trace_ropes(observed, self.config, self.run, method)
 
-def _look(ground: Ground, toward: Array, ropes: _TraceRopes, asked: _Asked) -> FoundHarness:
-    """Return the graph as it looks against a unit vector; `ropes` returns chains of tubes of some radii."""
+
+@dataclass(frozen=True, eq=False)
+class _Sight:
+    """A harness as it looks from one side, before the fit; the attributes are those of `FoundHarness`."""
+
+    ground: Ground
+    drawn: SurfaceMap
+    lines: Lines
+    decided: Decisions
+    strands: list[Strand]
+    beside: FlatBundles
+    places: Array
+
+
+def _look(ground: Ground, toward: Array, asked: _Asked) -> _Sight:
+    """Return a harness as it looks against a unit vector."""
     observed, run, possible = asked.observed, asked.run, asked.possible
     with run.stage("map"):
         drawn = make_map(
@@ -186,26 +215,54 @@ def _look(ground: Ground, toward: Array, ropes: _TraceRopes, asked: _Asked) -> F
         places = _lift_junctions(decided, strands)
         strands = drop_collapsed(strands)
         beside = find_flat_bundles(strands, drawn, ground.table, asked.wire)
-        ask = (
-            0 < len(lines.hubs) <= _MAX_ASKED
-            and asked.net is None
-            and not any(junction.tied for junction in decided.junctions)
-            and not _are_bundles(strands, len(places), possible.given)
-        )
-        seen = list_seen_radii(observed.radii.values, [strand.half_width for strand in strands])
-        alone = find_alone(ropes(seen), drawn) if ask else None
-        if alone is not None:
-            strands, places = [reach_edges(strand, drawn) for strand in alone], np.zeros((0, 3))
-            beside = find_flat_bundles(strands, drawn, ground.table, asked.wire)
-        strands = lay_strands(strands, beside, drawn)
-    with run.stage("fit"):
+    return _Sight(ground, drawn, lines, decided, strands, beside, places)
+
+
+def _answer(sight: _Sight, ropes: _TraceRopes, asked: _Asked) -> FoundHarness:
+    """Return the ropes that do not branch, or the graph that the map shows; `ropes` traces some radii."""
+    found = _find_ropes(sight, ropes, asked) if len(sight.lines.hubs) else None
+    return _fit(sight, None, asked) if found is None else found
+
+
+def _find_ropes(sight: _Sight, ropes: _TraceRopes, asked: _Asked) -> FoundHarness | None:
+    """Return ropes that do not branch; None if they may."""
+    decided, drawn = sight.decided, sight.drawn
+    with asked.run.stage("places"):
+        if (
+            len(sight.lines.hubs) > _MAX_ASKED
+            or asked.net is not None
+            or any(junction.tied for junction in decided.junctions)
+            or _are_bundles(sight.strands, len(sight.places), asked.possible.given)
+        ):
+            return None
+        halves = [strand.half_width for strand in sight.strands]
+        traced = ropes(list_seen_radii(asked.observed.radii.values, halves))
+        junctions = np.array([junction.place for junction in decided.junctions]).reshape(-1, 2)
+        alone = find_alone(traced.chains, drawn, junctions)
+        if alone is None:
+            return None
+        strands = reach_edges(alone, drawn)
+        beside = find_flat_bundles(strands, drawn, sight.ground.table, asked.wire)
+    sight = replace(sight, strands=strands, beside=beside, places=np.zeros((0, 3)))
+    return _fit(sight, traced.trust, asked)
+
+
+def _fit(sight: _Sight, trust: float | None, asked: _Asked) -> FoundHarness:
+    """Fit strands to the points of all views."""
+    observed, ground, drawn, beside = asked.observed, sight.ground, sight.drawn, sight.beside
+    with asked.run.stage("fit"):
+        strands = lay_strands(sight.strands, beside, drawn)
         centers = np.array([view.viewpoint for view in observed.views])
         clouds = Clouds(
             [_core.copy_constant(cloud) for cloud in ground.given], centers, observed.held, observed.bounds
         )
-        held = [] if alone is not None else [junction.tied for junction in decided.junctions]
-        fitted = fit_harness(clouds, strands, beside, places, held, ground.motions, possible, asked.config)
-    return FoundHarness(drawn, ground, lines, decided, strands, beside, places, fitted, alone is not None)
+        held = [junction.tied for junction in sight.decided.junctions][: len(sight.places)]
+        fitted = fit_harness(
+            clouds, strands, beside, sight.places, held, ground.motions, asked.possible, asked.config
+        )
+    return FoundHarness(
+        drawn, ground, sight.lines, sight.decided, strands, beside, sight.places, fitted, trust
+    )
 
 
 def _decide(

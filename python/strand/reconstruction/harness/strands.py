@@ -8,6 +8,7 @@ from itertools import count
 
 import numpy as np
 
+import strand._core as _core
 from strand.geometry.polyline import path_length
 from strand.reconstruction.harness.lines import NO_HUB, End, Lines
 from strand.reconstruction.harness.places import Decisions, Passing
@@ -201,30 +202,41 @@ def _reach_edge(cells: Array, drawn: SurfaceMap) -> Array:
     return np.vstack([cells, place])
 
 
-def reach_edges(strand: Strand, drawn: SurfaceMap) -> Strand:
-    """Return a strand whose free ends go on to the mask's edge, while the surface keeps its height."""
-    nodes = strand.nodes
-    if strand.closed:
-        return strand
-    for late in (0, 1):
-        if strand.ends[late] is not None:
-            continue
-        tip = nodes[-late]
-        away = np.linalg.norm(nodes - tip, axis=1)
-        inner = nodes[::-1] if late else nodes
-        inner = inner[
-            min(int((away[::-1] if late else away).searchsorted(_TIP * strand.half_width)), len(inner) - 1)
-        ]
-        outward = (tip - inner) / max(float(np.linalg.norm(tip - inner)), 1e-12)
-        steps = np.arange(0.0, _FARTHEST * strand.half_width, 0.5 * drawn.cell)
-        places, heights = drawn.flatten(tip + steps[:, None] * outward)
-        surface = drawn.sample_heights(places) - heights
-        gone = ~drawn.hold(places) | (np.abs(surface - surface[0]) > _SAME_HEIGHT * strand.half_width)
-        if not gone.any() or gone[:2].any():
-            continue
-        end = (tip + steps[int(gone.argmax()) - 1] * outward)[None]
-        nodes = np.concatenate([nodes, end] if late else [end, nodes])
-    return replace(strand, nodes=nodes)
+def reach_edges(strands: Sequence[Strand], drawn: SurfaceMap) -> list[Strand]:
+    """Return strands whose free ends go on to the mask's edge, while the surface keeps its height.
+
+    They end where they would run into another strand.
+    """
+    reached = []
+    for number, strand in enumerate(strands):
+        nodes = strand.nodes
+        others = [other.nodes for place, other in enumerate(strands) if place != number]
+        for late in (0, 1):
+            if strand.ends[late] is None and not strand.closed:
+                along = path_length(strand.nodes)
+                away = along[-1] - along if late else along
+                own = strand.nodes[away > 2.0 * _FARTHEST * strand.half_width]
+                end = _find_edge(strand, late, np.concatenate([own, *others]), drawn)
+                nodes = nodes if end is None else np.concatenate([nodes, end] if late else [end, nodes])
+        reached.append(replace(strand, nodes=nodes))
+    return reached
+
+
+def _find_edge(strand: Strand, late: int, others: Array, drawn: SurfaceMap) -> Array | None:
+    """Return the place (1, 3) where the straight way on from an end leaves the mask, metres."""
+    nodes, half = strand.nodes[:: -1 if late else 1], strand.half_width
+    away = np.linalg.norm(nodes - nodes[0], axis=1)
+    inner = nodes[min(int(away.searchsorted(_TIP * half)), len(nodes) - 1)]
+    outward = (nodes[0] - inner) / max(float(np.linalg.norm(nodes[0] - inner)), 1e-12)
+    ahead = nodes[0] + np.arange(0.0, _FARTHEST * half, 0.5 * drawn.cell)[:, None] * outward
+    places, heights = drawn.flatten(ahead)
+    surface = drawn.sample_heights(places) - heights
+    gone = ~drawn.hold(places) | (np.abs(surface - surface[0]) > _SAME_HEIGHT * half)
+    if len(others):
+        gone |= _core.find_squared_distances(ahead, others) < half**2
+    if not gone.any() or gone[:2].any():
+        return None
+    return np.asarray(ahead[int(gone.argmax()) - 1][None])
 
 
 def _lift(

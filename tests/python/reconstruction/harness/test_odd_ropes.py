@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import strand
-from strand.synthetic import Camera, camera_pose, render_depth
+from strand.synthetic import Camera, Noise, camera_pose, harness, render_depth
 
 CAMERA = Camera(size=(640, 480))
 ROOM = ([-0.3, -0.3, 0.001], [0.3, 0.3, 0.05])
@@ -44,3 +44,12 @@ def test_a_radius_as_high_as_the_ropes_is_refused():
     line = np.column_stack([np.linspace(-0.1, 0.1, 101), np.zeros(101), np.full(101, 0.002)])
     with pytest.raises(strand.NotEnoughDataError, match="over the table"):
         look([line], 0.002, given=0.012)
+
+
+@pytest.mark.parametrize(("seed", "noise"), [(830009, 0.00078), (921035, 0.00098), (950014, 0.00036)])
+def test_tangles_of_ropes_in_one_low_view_have_no_junction(seed, noise):
+    made = harness("rope", seed=seed, views=1, noise=Noise(depth=noise))
+    graph = strand.reconstruct(made.views, made.radii[0], made.bounds, branches=True).harness
+    assert [node.degree for node in graph.nodes] == [1, 1, 1, 1]
+    true = [np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in made.truth]
+    assert sorted(edge.length for edge in graph.edges) == pytest.approx(sorted(true), rel=0.05)
