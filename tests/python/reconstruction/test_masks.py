@@ -270,3 +270,23 @@ def test_a_mask_is_not_doubted_where_depth_has_wider_steps_than_its_rope(step, n
     ]
     found = find_misplaced_masks(views, [0, 1, 2], None, np.array([scene.radius]))
     assert [mask.view for mask in found] == named
+
+
+@pytest.mark.parametrize("device", ["d435", "zed"])
+def test_ends_just_behind_a_crossing_are_those_of_two_ropes(device):
+    # their other ends are almost in line, so that masks alone show one rope with two bumps
+    radius, past, turn = 4e-3, 4.0, np.radians(35.0)
+    along = np.linspace(-past * radius, 0.1, 150)
+    height = radius + 2.0 * radius * np.exp(-((along / (2.5 * radius)) ** 4))
+    over = np.column_stack([along * np.cos(turn), -along * np.sin(turn), height])
+    under = np.column_stack([-along, np.zeros(150), np.full(150, radius)])
+    made = strand.synthetic.scene(
+        chains=[over, under],
+        radius=radius,
+        seed=1,
+        views=1,
+        camera=strand.synthetic.Camera(device, size=(640, 480)),
+        mask=strand.synthetic.Segmentation(),
+        layout=strand.synthetic.Layout(distance=0.5, elevation=np.radians(80.0)),
+    )
+    assert len(strand.reconstruct(made.views, radius).chains) == 2

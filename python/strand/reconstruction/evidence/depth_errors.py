@@ -66,7 +66,9 @@ def _compute_plane_residuals(image: Array, depth: float) -> Array:
     rows, columns = image.shape[0] // _SIDE, image.shape[1] // _SIDE
     blocks = image[: rows * _SIDE, : columns * _SIDE].reshape(rows, _SIDE, columns, _SIDE)
     missing = ~((blocks > 0.0) & (blocks < np.inf))
-    full = np.argwhere(missing.mean(axis=(1, 3)) < _MAX_MISSING)
+    # along rows of the image first, which lie together
+    counts = missing.sum(axis=1, dtype=np.uint8).sum(axis=2, dtype=np.int64)
+    full = np.argwhere(counts < _MAX_MISSING * _SIDE**2)
     if not len(full):
         return np.empty((0, _SIDE**2))
     used = full[:: -(-len(full) // _MAX_WINDOWS)]

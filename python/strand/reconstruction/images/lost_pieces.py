@@ -58,11 +58,14 @@ def _mend_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
     if not lost.any():
         return image
     numbers = _core.number_blobs(lost)
-    areas = np.bincount(numbers.ravel()) / pixels**2
+    areas = np.bincount(numbers.ravel())[1:] / pixels**2
+    pieces = 1 + np.flatnonzero((areas > _MIN_AREA) & (areas < _MAX_AREA))
+    if not len(pieces):
+        return image
     heights, seen, _ = measure_heights(part, table, bounds, radius)
     heights = np.where(seen, heights / radius, np.nan)
     added = np.zeros_like(mask)
-    for number in 1 + np.flatnonzero((areas[1:] > _MIN_AREA) & (areas[1:] < _MAX_AREA)):
+    for number in pieces:
         piece = numbers == number
         width = float(_core.measure_edge_distances(piece, int(2.0 * _MAX_HALF_WIDTH * pixels) + 2).max())
         if not _MIN_HALF_WIDTH * pixels < width < _MAX_HALF_WIDTH * pixels:

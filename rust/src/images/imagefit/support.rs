@@ -18,9 +18,10 @@ pub fn count_support(
     let radius_px = view.silhouette.radius_px;
     let mut counts: Vec<Vec<i64>> = chains.iter().map(|n| vec![0; n.len()]).collect();
     let (origin, size) = view.silhouette.frame();
-    let cells = size.map(|n| (n as f64 / radius_px) as usize + 3);
+    let side = REACH * radius_px;
+    let cells = size.map(|n| (n as f64 / side) as usize + 3);
     let cell = |p: Place2| -> Option<usize> {
-        let at: [f64; 2] = std::array::from_fn(|k| ((p[k] - origin[k]) / radius_px).floor() + 1.0);
+        let at: [f64; 2] = std::array::from_fn(|k| ((p[k] - origin[k]) / side).floor() + 1.0);
         let inside = (0..2).all(|k| at[k] >= 0.0 && at[k] < cells[k] as f64);
         inside.then(|| at[1] as usize * cells[0] + at[0] as usize)
     };
@@ -41,16 +42,19 @@ pub fn count_support(
     for &pixel in pixels {
         let Some(k) = cell(pixel) else { continue };
         let mut best: Option<(f64, usize)> = None;
-        for row in -2i64..=2 {
-            for column in -2i64..=2 {
+        for row in -1i64..=1 {
+            for column in -1i64..=1 {
                 let other = k as i64 + row * cells[0] as i64 + column;
                 let Some(list) = usize::try_from(other).ok().and_then(|k| lists.get(k)) else { continue };
                 for &n in list {
                     let (_, _, at, z) = nodes[n as usize];
-                    let away = ((at[0] - pixel[0]).powi(2) + (at[1] - pixel[1]).powi(2)).sqrt() / radius_px;
+                    let square = (at[0] - pixel[0]).powi(2) + (at[1] - pixel[1]).powi(2);
+                    if square >= side * side {
+                        continue;
+                    }
                     // a strand in front hides the one behind
-                    let rank = away + 0.5 * z / radius;
-                    if away < REACH && best.is_none_or(|b| rank < b.0) {
+                    let rank = square.sqrt() / radius_px + 0.5 * z / radius;
+                    if best.is_none_or(|b| rank < b.0) {
                         best = Some((rank, n as usize));
                     }
                 }

@@ -16,6 +16,8 @@ const HIDDEN: f64 = 0.1; // cost of each radius of a gap where something hides i
 const UNKNOWN: f64 = 0.5; // cost of each radius of a gap without depth, or with a rope's depth
 const BARE: f64 = 3.0; // cost of each radius of a gap where the camera saw through
 const MAX_COST: f64 = 80.0; // largest cost of a gap, if the number of ropes is known
+/// Times the largest cost: a curve that costs more at a few places is not looked at closely.
+const CLEARLY: f64 = 1.25;
 const DROPPED: f64 = 1.6; // cost of each radius of a dropped piece: mask that nothing covers
 const PARTNERS: usize = 4; // partners of an end that are tried
 const NEAREST: usize = 12; // nearest ends of other chains that curves from an end are made to
@@ -246,27 +248,36 @@ fn make_curve(silhouette: &Silhouette, p: &[Place], q: &[Place], dearest: f64) -
         unit([p[0][0] - back[0], p[0][1] - back[1]])
     };
     let (a, b, out, into) = (p[0], q[0], heading(p), heading(q).map(|x| -x));
+    let price = |x: &Place| {
+        if silhouette.distance(*x) > 0.0 {
+            return 0.0;
+        }
+        match silhouette.shown(*x) {
+            Shown::Before => HIDDEN,
+            Shown::Behind => BARE,
+            Shown::Level | Shown::Unknown => UNKNOWN,
+        }
+    };
     let mut best: Option<Curve> = None;
     for speed in SPEEDS {
-        let curve =
-            resampled(&hermite(a, out.map(|x| speed * x), b, into.map(|x| speed * x)), STEP * radius_px);
-        let long = length(&curve) / radius_px / curve.len() as f64;
-        let price = |x: &Place| {
-            if silhouette.distance(*x) > 0.0 {
-                return 0.0;
-            }
-            match silhouette.shown(*x) {
-                Shown::Before => HIDDEN,
-                Shown::Behind => BARE,
-                Shown::Level | Shown::Unknown => UNKNOWN,
-            }
+        let rough = hermite(a, out.map(|x| speed * x), b, into.map(|x| speed * x));
+        // most ends are far apart, and a curve is at least as long as the gap
+        let least = distance(a, b) / radius_px / rough.len() as f64;
+        let mut sum = 0.0;
+        let mut is_far_too_dear = |x| {
+            sum += price(x);
+            GAP + least * sum >= CLEARLY * dearest
         };
+        if rough.iter().any(&mut is_far_too_dear) {
+            continue;
+        }
+        let curve = resampled(&rough, STEP * radius_px);
+        let long = length(&curve) / radius_px / curve.len() as f64;
         let mut dear = 0.0;
         let is_too_dear = |place| {
             dear += price(place);
             GAP + long * dear >= dearest
         };
-        // most ends are far apart
         if curve.iter().any(is_too_dear) {
             continue;
         }

@@ -227,7 +227,9 @@ pub fn make_link(
     if let Some(way) = skeleton.way(zone, a, b)
         && way.len() > 2
     {
-        starts.push(smoothed(&way, (3.0 * radius_px * silhouette.strokes.scale as f64) as usize));
+        // as wide as 3 r s passes over the s pixels of a magnified mask to each of the image
+        let passes = 3.0 * radius_px / silhouette.strokes.scale as f64;
+        starts.push(smoothed(&resampled(&way, 1.0), passes.ceil() as usize));
     }
     starts.push(hermite(a, da, b, [-db[0], -db[1]]));
     let mut best: Option<Link> = None;

@@ -10,6 +10,8 @@ import pytest
 import strand
 import strand._core as _core
 from strand._core import NotEnoughDataError
+from strand.reconstruction.images import mask_radius
+from strand.reconstruction.images.fat_masks import slim_fat_masks
 from strand.reconstruction.images.mask_radius import estimate_mask_radius
 from strand.synthetic import Camera, Segmentation, scene
 from strand.views.rope_images import make_rope_images
@@ -25,6 +27,23 @@ def test_exact_masks_show_the_radius(camera, radius):
     (found,), (sd,) = estimate_mask_radius(image)
     assert found == pytest.approx(radius, rel=0.15)
     assert abs(found - radius) < 2.0 * sd
+
+
+@pytest.mark.parametrize(("grow", "slimmed"), [(-1, 0), (3, 1)])
+def test_masks_that_are_wider_than_ropes_are_high_are_slimmed(monkeypatch, grow, slimmed):
+    calls = []
+
+    def slim(*arguments):
+        calls.append(arguments)
+        return slim_fat_masks(*arguments)
+
+    monkeypatch.setattr(mask_radius, "slim_fat_masks", slim)
+    camera, mask = Camera("d435", size=(640, 480)), Segmentation(grow=grow)
+    made = scene("loop", seed=3, radius=5e-3, views=1, camera=camera, mask=mask)
+    (image,) = make_rope_images(made.views, made.views, None)
+    (found,), _ = estimate_mask_radius(image)
+    assert found == pytest.approx(5e-3, rel=0.2)
+    assert len(calls) == slimmed
 
 
 @pytest.mark.parametrize("width", [5, 9, 14])
