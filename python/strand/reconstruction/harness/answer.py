@@ -41,6 +41,7 @@ _SAME_PLACE = 6.0  # distance of nodes of two looks that are one at most, radii
 _SURE = (0.8, 0.9)  # confidence of one look and of two above which no other is taken
 _NO_BUNDLES = 0.1  # doubt of strands that are no bundles of the given wire
 _FLAT = 0.12  # doubt of a harness with wires that lie side by side
+_FLAT_SD = 0.05  # radii: deviation of those of wires side by side, which their width counts
 _UNEQUAL = 0.1  # doubt of a junction at which wires do not add up
 _MIN_WARNED = 0.1  # lesser doubts have no warning
 
@@ -160,7 +161,8 @@ def _count_wires(
         return [None] * len(graph.pairs), []
     side_by_side = wire * np.sqrt(harness.beside.wires)
     radii = np.where(harness.beside.flat, side_by_side, harness.fitted.widths)
-    choice = choose_radii(radii, graph.pairs, list_bundles(wire), harness.fitted.deviations)
+    deviations = np.where(harness.beside.flat, _FLAT_SD, harness.fitted.deviations)
+    choice = choose_radii(radii, graph.pairs, list_bundles(wire), deviations)
     if choice.counts[0] is None:
         reason = (
             f"strands with radii of {radii.min() * 1e3:.1f} to {radii.max() * 1e3:.1f} mm are no bundles of"

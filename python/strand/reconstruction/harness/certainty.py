@@ -18,6 +18,9 @@ _JUNCTION = 0.985  # confidence of a junction that nothing speaks against
 _SLOW = 0.92  # of it where branches part slowly, so that the place is not sure
 _SLOW_ANGLE = np.radians(50.0)  # radians between branches that part slowly
 _SLOW_REACH = (2.0, 8.0)  # radii from the junction between which branches have their directions
+_TOUCHING = 0.92  # of it where an end that touches a strand's side looks the same
+_STRAIGHT = np.radians(30.0)  # radians: turn of a strand that goes straight on at most
+_EQUAL = 1.1  # ratio of radii of one kind of rope at most
 _END = 0.998  # that of a free end
 _CROSSING = 0.985  # that of a crossing
 _EVEN = 0.5  # margin of a place's interpretation where the next best one is as likely
@@ -75,10 +78,14 @@ def judge(found: FoundHarness, graph: Graph, chains: Sequence[Chain]) -> Certain
     decided, fit = found.decided, found.fitted.fit
     joined = {end for strand in found.strands for end in strand.ends if end is not None}
     margins = [decided.junctions[number].margin for number in sorted(joined)]
-    nodes = [
-        _JUNCTION * _to_probability(margin) * (_SLOW if _part_slowly(graph, chains, number) else 1.0)
-        for number, margin in enumerate(margins)
-    ]
+    tied = [decided.junctions[number].tied for number in sorted(joined)]
+    nodes = []
+    for number, (margin, is_tied) in enumerate(zip(margins, tied, strict=True)):
+        at = _list_directions(graph, chains, number)
+        doubtful = (_SLOW if _part_slowly(at) else 1.0) * (
+            _TOUCHING if not is_tied and _may_touch(at) else 1.0
+        )
+        nodes.append(_JUNCTION * _to_probability(margin) * doubtful)
     nodes += [_END] * (len(graph.places) - len(nodes))
     passings = {} if found.traced else {passing.place: passing for passing in decided.passings}
     crossings = [_CROSSING * _to_probability(passing.margin) for passing in passings.values()]
@@ -120,17 +127,34 @@ def _to_probability(margin: float) -> float:
     return float(1.0 / (1.0 + np.exp(-(margin + _EVEN) / _SCALE)))
 
 
-def _part_slowly(graph: Graph, chains: Sequence[Chain], node: int) -> bool:
-    """Tell whether two edges leave a node at a small angle."""
-    directions = []
+def _list_directions(graph: Graph, chains: Sequence[Chain], node: int) -> list[tuple[float, Array]]:
+    """Return the radius, metres, and the direction of each edge that leaves a node."""
+    found = []
     for pair, chain in zip(graph.pairs, chains, strict=True):
         for late in (0, 1):
             if pair[late] == node:
                 s = np.minimum(np.array(_SLOW_REACH) * chain.radius, 0.5 * chain.length)
                 first, last = chain.at(chain.length - s if late else s)
-                directions.append((last - first) / max(float(np.linalg.norm(last - first)), 1e-12))
-    cosines = [float(one @ other) for k, one in enumerate(directions) for other in directions[:k]]
-    return max(cosines, default=-1.0) > float(np.cos(_SLOW_ANGLE))
+                length = max(float(np.linalg.norm(last - first)), 1e-12)
+                found.append((chain.radius, (last - first) / length))
+    return found
+
+
+def _part_slowly(at: Sequence[tuple[float, Array]]) -> bool:
+    """Tell whether two edges leave a node at a small angle."""
+    return max(_list_cosines(at), default=-1.0) > float(np.cos(_SLOW_ANGLE))
+
+
+def _may_touch(at: Sequence[tuple[float, Array]]) -> bool:
+    """Tell whether a rope of the same radius may end at the side of one that goes straight on."""
+    radii = [radius for radius, _ in at]
+    straight = min(_list_cosines(at), default=1.0) < -float(np.cos(_STRAIGHT))
+    return len(at) == 3 and straight and max(radii) < _EQUAL * min(radii)
+
+
+def _list_cosines(at: Sequence[tuple[float, Array]]) -> list[float]:
+    """Return the cosine of the angle between each two edges."""
+    return [float(one @ other) for k, (_, one) in enumerate(at) for _, other in at[:k]]
 
 
 def _doubt_edges(graph: Graph, chains: Sequence[Chain]) -> list[Doubt]:

@@ -183,7 +183,7 @@ def _fit(
     parts = _cut(fit, strands)
     places, covariances, parts = _share_points(fit, parts, strands, places, held)
     closed = [strand.closed for strand in strands]
-    radii_sd = fit.radii_sd if is_chosen else np.maximum(fit.radii_sd, relative_sd * fit.radii)
+    radii_sd = fit.radii_sd if is_chosen else np.maximum(fit.radii_sd, deviations * fit.radii)
     chains = make_chains(fit, parts, closed, radii_sd[fit.radius_classes], config)
     chains = [
         replace(_bend_to(chain, strand, places), radius=width)

@@ -58,3 +58,11 @@ def test_wires_side_by_side_are_tubes_whose_mean_is_their_strand():
         bundles.list_widths(bundles.list_radii(np.array([0.005, 0.006]))), [0.005, 0.006]
     )
     assert bundles.list_radii(np.array([0.005, 0.006])).tolist() == [0.005, 0.003]
+
+
+def test_radii_of_flat_and_round_strands_need_not_be_given():
+    made = harness("tied", seed=0, views=3)
+    graph = strand.reconstruct(made.views, None, made.bounds, branches=True).harness
+    radii, deviations = np.sort([(edge.radius, edge.radius_sd) for edge in graph.edges], axis=0).T
+    np.testing.assert_allclose(radii, np.sort(made.radii), rtol=0.05)
+    assert (deviations > 0.01 * radii).all()

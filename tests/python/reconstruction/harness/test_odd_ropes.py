@@ -40,6 +40,12 @@ def test_ropes_that_run_beside_each_other_for_a_while_are_two():
     assert [node.degree for node in model.harness.nodes] == [1, 1, 1, 1]
 
 
+def test_an_end_that_touches_a_side_is_no_sure_junction():
+    host = np.column_stack([np.linspace(-0.11, 0.11, 111), np.zeros(111), np.full(111, 0.004)])
+    other = np.column_stack([np.zeros(46), np.linspace(0.0082, 0.0982, 46), np.full(46, 0.004)])
+    assert look([host, other], 0.004).confidence < 0.9
+
+
 def test_a_radius_as_high_as_the_ropes_is_refused():
     line = np.column_stack([np.linspace(-0.1, 0.1, 101), np.zeros(101), np.full(101, 0.002)])
     with pytest.raises(strand.NotEnoughDataError, match="over the table"):
