@@ -66,8 +66,7 @@ def fit_chains(scene: SyntheticScene, model: strand.Model, chains: Chains) -> li
     seen = drop_outliers(cropped(scene.views, box), scene.radius, config.filter, widen=True)
     cameras = Cameras(seen, scene.views)
     radii, run = Radii.from_caller(scene.radius), Run(None)
-    before = model.stages["fit"]
-    fit, _, _ = fit_ropes(clouds, cameras, ropes, closed, before, None, radii, None, config, run)
+    fit, _, _ = fit_ropes(clouds, cameras, ropes, closed, model.stages["fit"], radii, None, config, run)
     parts = [part for part in find_extents(fit, exclusive=True) if part is not None]
     return [part.at(part.spaced(0.25 * scene.radius))[0] for part in parts]
 

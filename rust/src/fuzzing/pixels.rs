@@ -1,11 +1,9 @@
 //! Kernels of images: depth, heights, blobs, outlines, strips of colour.
 
-use std::sync::Arc;
-
 use super::bytes::{Bytes, require_finite};
 use crate::clouds::crop::{DepthView, crop, crop_images};
 use crate::clouds::depth::{self, Pinhole};
-use crate::clouds::visibility::{ImageView, Observed, Visibility, VisibilityView};
+use crate::clouds::visibility::{Observed, Visibility, VisibilityView};
 use crate::geometry::Point;
 use crate::images::color::drawing::draw_ropes;
 use crate::images::color::lab::convert_to_lab;
@@ -78,8 +76,7 @@ fn read_depth(mut bytes: Bytes<'_>, width: usize, height: usize) {
     let limits = Standing { range: [-1.0, 1.0], kernel: &kernel, edge: 0.1, share: 0.3 };
     assert_eq!(find_standing(&above, &counts, width, &limits).len(), clean.len());
 
-    let image = ImageView { depth: Arc::new(clean), width, camera };
-    for observed in [Observed::Points(&finite), Observed::Image(image)] {
+    for observed in [Observed::Points(&finite), Observed::Image(&clean, width, camera)] {
         let view = VisibilityView { observed, about: &finite, pose };
         let Ok(space) = Visibility::new(&[view]) else { continue };
         let (free, hidden) = (space.free(&finite, radius), space.occluded(&finite, radius));

@@ -3,7 +3,6 @@
 use std::borrow::Cow;
 use std::convert::Infallible;
 use std::ops::Deref;
-use std::sync::Arc;
 
 use numpy::ndarray::Dimension;
 use numpy::{Element, PyArray, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
@@ -60,11 +59,6 @@ impl<T: Element + Copy + 'static> Array<T> {
             Values::Copy(values) => values,
             Values::Constant(values) => values.slice().to_vec(),
         }
-    }
-
-    /// Returns the numbers for those who keep them.
-    pub(super) fn into_shared(self) -> Arc<dyn Deref<Target = [T]> + Send + Sync> {
-        Arc::new(self.values)
     }
 
     /// Returns the height and width of an image.

@@ -84,7 +84,7 @@ const _: () = {
 /// end_observations : sequence of EndObservation
 ///     Ends of ropes that views see; they fix straight ropes along themselves.
 /// previous : TubeFit, optional
-///     An earlier fit of these curves, which this fit continues; if it has as many points, from their foot points.
+///     An earlier fit to the same points. This fit continues from its curves and foot points.
 /// uncertainty : bool
 ///     Compute standard deviations and covariances. Views are then held at the reported poses in directions that the data
 ///     do not fix: those in which a correction's standard deviation is over 0.71 times the reported pose's.
@@ -159,7 +159,6 @@ pub(super) fn fit_tubes<'py>(
         noise: noise.map(|value| number("noise", value)).transpose()?,
         shared: shared.or(DEFAULT.shared, |value| numbers("shared", value))?,
         bounds: bounds.map(corners).transpose()?,
-        continued: previous.is_some(),
         uncertainty,
     };
     let ends = by_view(&end_observations, points.len())?;
@@ -218,6 +217,7 @@ pub(super) fn fit_tubes<'py>(
 }
 
 /// The foot points of all views, attribute by attribute.
+#[derive(Default)]
 struct FootPoints {
     curve: Vec<i64>,
     parameter: Vec<f64>,
@@ -230,16 +230,7 @@ struct FootPoints {
 
 impl FootPoints {
     fn of(views: &[Vec<crate::FootPoint>]) -> Self {
-        let count = views.iter().map(Vec::len).sum();
-        let mut all = Self {
-            curve: Vec::with_capacity(count),
-            parameter: Vec::with_capacity(count),
-            residual: Vec::with_capacity(count),
-            facing: Vec::with_capacity(count),
-            weight: Vec::with_capacity(count),
-            explained: Vec::with_capacity(count),
-            inlier: Vec::with_capacity(count),
-        };
+        let mut all = Self::default();
         for foot in views.iter().flatten() {
             all.curve.push(foot.curve as i64);
             all.parameter.push(foot.parameter);
@@ -305,19 +296,20 @@ fn by_view(all: &[Bound<'_, EndObservation>], views: usize) -> PyResult<Vec<Vec<
     Ok(found)
 }
 
-/// Returns the foot points of an earlier fit of the same curves; none if it has another number of points.
+/// Returns the foot points of an earlier fit to the same points.
 fn earlier(previous: &Bound<'_, TubeFit>, tubes: &[Tube], count: usize) -> PyResult<Vec<Option<OnCurve>>> {
     let (py, fit) = (previous.py(), previous.get());
     let (curves, before) = (fit.curves.len(), fit.points.bind(py).shape()[0]);
     let alike =
         |(curve, tube): (&Py<PyArray2<f64>>, &Tube)| curve.bind(py).shape()[0] == tube.curve.control.len();
-    if curves != tubes.len() || !fit.curves.iter().zip(tubes).all(alike) {
+    if curves != tubes.len() || before != count || !fit.curves.iter().zip(tubes).all(alike) {
         return Err(PyValueError::new_err(format!(
-            "previous: expected a fit of {} curves of as many control points as these, got one of {curves}",
+            "previous: expected a fit of {} curves of as many control points as these to {count} points, \
+             got one of {curves} to {before}",
             tubes.len()
         )));
     }
-    if before == count { fit.foot_points(py) } else { Ok(Vec::new()) }
+    fit.foot_points(py)
 }
 
 /// Cut fitted curves to the part that points support.

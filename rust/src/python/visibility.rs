@@ -9,7 +9,7 @@ use super::arguments::{FloatArray, Points, motions, point, require_same_length};
 use super::arrays::{array, list};
 use super::released::{released, released_if_many};
 use crate::clouds::depth::Pinhole;
-use crate::clouds::visibility::{self, ImageView, Observed, Occupancy, VisibilityView};
+use crate::clouds::visibility::{self, Observed, Occupancy, VisibilityView};
 use crate::error::{Error, Result};
 use crate::geometry::Point;
 
@@ -49,7 +49,7 @@ pub(super) struct Visibility(Arc<visibility::Visibility>);
 /// The data of a view, as passed by the caller.
 enum Saw {
     Points(Points),
-    Image(ImageView),
+    Image(FloatArray, usize, Pinhole),
 }
 
 #[pymethods]
@@ -83,8 +83,7 @@ impl Visibility {
                 Ok((depth, focal, center)) => {
                     let image = FloatArray::new("observed", &depth)?;
                     let [_, width] = image.image_shape("observed")?;
-                    let (depth, camera) = (image.into_shared(), Pinhole { focal, center });
-                    Ok(Saw::Image(ImageView { depth, width, camera }))
+                    Ok(Saw::Image(image, width, Pinhole { focal, center }))
                 }
                 Err(_) => Ok(Saw::Points(Points::new("observed", saw, "(N, 3)")?)),
             })
@@ -96,7 +95,7 @@ impl Visibility {
             let views: Vec<VisibilityView> = (observed.iter().zip(&about).zip(poses))
                 .map(|((observed, about), pose)| {
                     let observed = match observed {
-                        Saw::Image(image) => Observed::Image(image.clone()),
+                        Saw::Image(image, width, camera) => Observed::Image(image.slice(), *width, *camera),
                         Saw::Points(points) => Observed::Points(points),
                     };
                     VisibilityView { observed, about, pose }

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from strand._core import Visibility
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
+from strand.views.pinhole import Pinhole
 from strand.views.view import View
 
 __all__ = ["Visibility", "sort_rays"]
+
+_MAX_PIXELS = 4096 * 4096  # of an image whose rays are all sorted
 
 
 def sort_rays(views: Sequence[View], poses: Sequence[Array], about: Sequence[View]) -> Visibility:
@@ -30,9 +34,18 @@ def sort_rays(views: Sequence[View], poses: Sequence[Array], about: Sequence[Vie
 def _collect_rays(view: View) -> Array | tuple[Array, tuple[float, float], tuple[float, float]]:
     """Return where a view's rays end: its points, or its depth image with its pinhole.
 
-    Those to occluders end right before the camera, so that nothing behind these is free.
+    Those to occluders end right before the camera, so that nothing behind these is free. A huge image has
+    rays through some of its rows and columns.
     """
     measured = view.measured
     if not isinstance(measured, DepthImage):
         return measured
-    return (measured.blocked_depth, *measured.camera)
+    depth, camera = measured.blocked_depth, measured.camera
+    side = math.ceil(math.sqrt(depth.size / _MAX_PIXELS))
+    if side > 1:
+        depth = depth[::side, ::side]
+        camera = Pinhole(
+            (camera.focal[0] / side, camera.focal[1] / side),
+            (camera.center[0] / side, camera.center[1] / side),
+        )
+    return (depth, *camera)

@@ -124,23 +124,9 @@ def fit_arcs(
         # strands side by side looked like a thicker rope
         first = [classes.index(number) for number in range(max(classes) + 1)]
         radii = radii.select(first)
+        few = clouds.thin_for_tracing(float(radii.values.min()))
         return fit_arcs(clouds, few, fit.motions, radii, config, run, uncertainty=uncertainty)
     return fit, radii
-
-
-def continue_fit(clouds: Clouds, fit: TubeFit, config: Config) -> TubeFit:
-    """Continue a fit of arcs with other points of the same views."""
-    return fit_curves(
-        clouds,
-        fit.curves,
-        fit.radius_classes.tolist(),
-        fit.motions,
-        fit.radii,
-        config,
-        tolerance=ROUGH_TOLERANCE,
-        previous=fit,
-        uncertainty=False,
-    )
 
 
 def _measure_shift(clouds: Clouds, before: Array, after: Array) -> float:

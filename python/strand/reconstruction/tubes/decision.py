@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -129,10 +129,3 @@ def choose_ropes(by_class: ByClass) -> tuple[Arcs, list[bool]]:
     ]
     nodes = [rotate_ring(nodes) if ring else nodes for (nodes, ring), _ in chains]
     return Arcs(nodes, [number for _, number in chains]), [ring for (_, ring), _ in chains]
-
-
-def find_decided_fit(by_class: ByClass, closed: Sequence[bool]) -> TubeFit | None:
-    """Return the fit of the best hypothesis' ropes; None for several classes, or rings, which are rotated."""
-    if len(by_class) > 1 or any(closed):
-        return None
-    return by_class[0][0].fit

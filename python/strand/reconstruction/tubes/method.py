@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,14 +15,9 @@ from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.evidence.visibility import Visibility, sort_rays
 from strand.reconstruction.radius import Radii, add_noise_deviation
 from strand.reconstruction.stages import Found, Observed, Run
-from strand.reconstruction.tubes.arcs import add_unexplained, continue_fit, cut_to_seen, fit_arcs
+from strand.reconstruction.tubes.arcs import add_unexplained, cut_to_seen, fit_arcs
 from strand.reconstruction.tubes.clouds import Arcs, Clouds
-from strand.reconstruction.tubes.decision import (
-    choose_ropes,
-    decide_joins,
-    find_decided_fit,
-    reconsider_joins,
-)
+from strand.reconstruction.tubes.decision import choose_ropes, decide_joins, reconsider_joins
 from strand.reconstruction.tubes.fit_warnings import warn_about_fit
 from strand.reconstruction.tubes.joins import ByClass, list_alternatives, list_joins
 from strand.reconstruction.tubes.noise import Noise, expect_noise
@@ -34,13 +28,10 @@ from strand.reconstruction.tubes.tube_doubts import find_tube_doubts
 from strand.reconstruction.tubes.tube_ends import extend_hidden_ends
 from strand.reconstruction.tubes.tube_nodes import make_chains
 from strand.reconstruction.tubes.whole_ropes import cut_to_ropes, fit_ropes
-from strand.support.checks import Array
-from strand.views.view import View
 
 SECOND_LOOK = "a second look at unexplained points"
 """Name of the work that a deadline may skip."""
 
-_MUCH_NOISE = 0.15  # radii: residuals that scatter more need all points before the ropes are known too
 _MAX_REVISIONS = 1  # decisions that are reconsidered after the fit of the ropes
 
 
@@ -81,28 +72,22 @@ def _find_ropes(observed: Observed, config: Config, run: Run) -> Found:
         given = expect_noise(config.sensor, cameras, float(radii.values.min()), config.tubes.spacing)
         config = replace(config, sensor=None, tubes=replace(config.tubes, noise=given.sd))
     with run.stage("register"):
-        step = clouds.find_step(float(radii.values.min()))
-        few, sample = clouds.thin(step), _thin_views(observed, step)
+        few = clouds.thin_for_tracing(float(radii.values.min()))
         motions = register_roughly(few, radii.values, config)
     if run.skips("most of the points"):
-        observed, clouds, cameras = sample, few, Cameras(sample.views, sample.whole)
+        observed = _thin_views(observed, clouds.find_step(float(radii.values.min())))
+        clouds, cameras = few, Cameras(observed.views, observed.whole)
     with run.stage("arcs"):
-        fit, radii = fit_arcs(few, few, motions, radii, config, run)
-        if step > 1 and fit.sigma > _MUCH_NOISE * float(radii.values.min()):
-            few, sample = clouds, observed
-            fit = continue_fit(few, fit, config)
-        before = fit if run.skips(SECOND_LOOK) else add_unexplained(few, fit, config)
+        fit, radii = fit_arcs(clouds, few, motions, radii, config, run)
+        before = fit if run.skips(SECOND_LOOK) else add_unexplained(clouds, fit, config)
         arcs = cut_to_seen(before, config)
     with run.stage("link"):
-        evidence, visibility = _gather_evidence(sample, before, config)
-        by_class: ByClass = decide_joins(few, arcs, before, evidence, config, run)
+        evidence, visibility = _gather_evidence(observed, before, config)
+        by_class: ByClass = decide_joins(clouds, arcs, before, evidence, config, run)
     for revisions in range(1 + _MAX_REVISIONS):
         nodes, closed = choose_ropes(by_class)
         with run.stage("fit"):
-            decided = find_decided_fit(by_class, closed)
-            fit, noise, ends = fit_ropes(
-                clouds, cameras, nodes, closed, before, decided, radii, given, config, run
-            )
+            fit, noise, ends = fit_ropes(clouds, cameras, nodes, closed, before, radii, given, config, run)
         with run.stage("ends"):
             parts = cut_to_ropes(fit, nodes, closed, before, observed.prior, config)
             ropes = _Ropes(by_class, nodes, closed, fit, noise, ends, parts)
@@ -118,7 +103,7 @@ def _find_ropes(observed: Observed, config: Config, run: Run) -> Found:
         if other_arcs is None:
             break
         with run.stage("link"):
-            revised = reconsider_joins(by_class, other_arcs, few, before, evidence, config, run)
+            revised = reconsider_joins(by_class, other_arcs, clouds, before, evidence, config, run)
         if revised is None:
             break
         by_class = revised
@@ -130,15 +115,12 @@ def _find_ropes(observed: Observed, config: Config, run: Run) -> Found:
 
 def _gather_evidence(observed: Observed, fit: TubeFit, config: Config) -> tuple[JoinEvidence, Visibility]:
     """Return the evidence for joins at the poses of a fit of arcs."""
-    visibility = sort_rays(observed.whole, _correct_poses(fit, observed.whole), observed.views)
+    poses = [motion @ view.pose for motion, view in zip(fit.motions, observed.whole, strict=True)]
+    visibility = sort_rays(observed.whole, poses, observed.views)
     colors = collect_colors(observed.views)
     arc_colors = None if colors is None else ArcColors.from_fit(fit, colors)
     evidence = JoinEvidence(float(fit.radii[0]), config.linking, visibility, observed.prior, arc_colors)
     return evidence, visibility
-
-
-def _correct_poses(fit: TubeFit, views: Sequence[View]) -> list[Array]:
-    return [motion @ view.pose for motion, view in zip(fit.motions, views, strict=True)]
 
 
 def _build_answer(
@@ -162,7 +144,7 @@ def _build_answer(
     run.warnings.extend(warn_about_answer(chains, doubts, visibility, observed.bounds, config.linking))
     return Found(
         chains,
-        poses=_correct_poses(fit, observed.views),
+        poses=[motion @ view.pose for motion, view in zip(fit.motions, observed.views, strict=True)],
         pose_sd=list(fit.pose_sd),
         stages={},
         joins=joins,
@@ -177,7 +159,5 @@ def _build_answer(
 
 def _thin_views(observed: Observed, step: int) -> Observed:
     """Return the same with every `step`-th point of each view, as `Clouds.thin` keeps them."""
-    if step == 1:
-        return observed
     views = tuple(view.select(np.arange(len(view.points)) % step == 0) for view in observed.views)
     return replace(observed, views=views)

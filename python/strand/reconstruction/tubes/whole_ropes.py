@@ -28,7 +28,6 @@ def fit_ropes(
     ropes: Arcs,
     closed: Sequence[bool],
     before: TubeFit,
-    decided: TubeFit | None,
     radii: Radii,
     given: Noise | None,
     config: Config,
@@ -48,8 +47,6 @@ def fit_ropes(
         Which of them are rings.
     before : TubeFit
         The fit of the arcs that the ropes were made of.
-    decided : TubeFit or None
-        A fit of the ropes to fewer points, which the first fit continues.
     radii : Radii
     given : Noise or None
         The noise of a known sensor.
@@ -68,12 +65,9 @@ def fit_ropes(
     classes, start = ropes.classes, before.radii
     if radii.free:
         classes, start, radii = list(range(len(classes))), start[classes], radii.select(classes)
-    if decided is None:
-        curves, motions = make_splines(ropes, before.radii, config, ROPE_MARGIN), before.motions
-    else:
-        curves, motions = decided.curves, decided.motions
+    curves, motions = make_splines(ropes, before.radii, config, ROPE_MARGIN), before.motions
     ends: list[EndObservation] = []
-    fit = decided
+    fit: TubeFit | None = None
 
     def fit_again(uncertainty: bool, noise: Noise | None = None) -> TubeFit:
         known: dict[str, Any] = {}

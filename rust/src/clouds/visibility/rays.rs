@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use crate::clouds::depth::{Pinhole, has_return};
 use crate::geometry::Point;
 use crate::simd::{BATCH, kernel};
 
@@ -9,6 +10,16 @@ use crate::simd::{BATCH, kernel};
 pub(super) const MAX_TANGENT: f64 = 3.0;
 /// Points that one task projects.
 const POINTS_PER_TASK: usize = 16384;
+const PIXELS_AROUND: f64 = 2.0; // margin for rounding around the pixels that may see the asked directions
+
+/// One camera's data.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Observed<'a> {
+    /// Points in the camera frame, metres.
+    Points(&'a [Point]),
+    /// A depth image: depths row by row, metres; pixels in a row; the camera.
+    Image(&'a [f64], usize, Pinhole),
+}
 
 /// Directions on the plane at distance 1 in front of a camera, perpendicular to the third axis.
 pub(super) struct Window {
@@ -33,10 +44,49 @@ pub(super) struct Cells {
     inverse: f32,
 }
 
+impl Observed<'_> {
+    /// Returns the rays in a window, task by task.
+    pub(super) fn rays(&self, window: &Window) -> Vec<Rays> {
+        match *self {
+            Self::Points(points) => {
+                points.par_chunks(POINTS_PER_TASK).map(|points| project_points(window, points)).collect()
+            }
+            Self::Image(depth, width, camera) => {
+                let width = width.max(1);
+                let [columns, rows] = window.pixels(camera, [width, depth.len() / width]);
+                let depth = &depth[rows.start * width..rows.end * width];
+                let per_task = POINTS_PER_TASK.div_ceil(width);
+                let project = |(task, depth): (usize, &[f64])| {
+                    project_rows(window, depth, width, columns.clone(), rows.start + task * per_task, camera)
+                };
+                depth.par_chunks(per_task * width).enumerate().map(project).collect()
+            }
+        }
+    }
+}
+
 impl Window {
-    /// Returns the rays to points that end in the window, task by task.
-    pub(super) fn rays(&self, points: &[Point]) -> Vec<Rays> {
-        points.par_chunks(POINTS_PER_TASK).map(|points| project_points(self, points)).collect()
+    /// Returns the columns and rows of an image in which all pixels lie that see directions in the window.
+    fn pixels(&self, camera: Pinhole, size: [usize; 2]) -> [std::ops::Range<usize>; 2] {
+        let whole = size.map(|count| 0..count);
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for corner in 0..4 {
+            let [a, b] = [0, 1].map(|k| f64::from([self.low, self.high][corner >> k & 1][k]));
+            let towards: Point =
+                std::array::from_fn(|k| a * self.axes[0][k] + b * self.axes[1][k] + self.axes[2][k]);
+            let pixel = camera.pixel(towards);
+            // the window reaches behind the image plane
+            if towards[2] < 1e-6 || !pixel.iter().all(|x| x.is_finite()) {
+                return whole;
+            }
+            for k in 0..2 {
+                (low[k], high[k]) = (low[k].min(pixel[k]), high[k].max(pixel[k]));
+            }
+        }
+        std::array::from_fn(|k| {
+            let end = ((high[k] + PIXELS_AROUND).ceil().max(0.0) as usize).min(size[k]);
+            ((low[k] - PIXELS_AROUND).floor().max(0.0) as usize).min(end)..end
+        })
     }
 }
 
@@ -54,6 +104,39 @@ kernel! {
                 there[l] = true;
             }
             rays.add(window, &batch, &there);
+        }
+        rays.trimmed()
+    }
+}
+
+kernel! {
+    /// Makes the rays to what some columns of an image see, from row `first` on.
+    fn project_rows<S>(
+        _,
+        window: &Window,
+        depth: &[f64],
+        width: usize,
+        columns: std::ops::Range<usize>,
+        first: usize,
+        camera: Pinhole,
+    ) -> Rays {
+        let mut rays = Rays::with_room(depth.len() / width * columns.len());
+        for (row, v) in depth.chunks_exact(width).zip(first..) {
+            for (part, depth) in row[columns.clone()].chunks(BATCH).enumerate() {
+                let u = columns.start + part * BATCH;
+                let mut z = [0.0; BATCH];
+                z[..depth.len()].copy_from_slice(depth);
+                let mut batch = [[0.0; BATCH]; 3];
+                let mut there = [false; BATCH];
+                for l in 0..BATCH {
+                    let point = camera.point((u + l) as f64, v as f64, z[l]);
+                    for k in 0..3 {
+                        batch[k][l] = point[k];
+                    }
+                    there[l] = has_return(z[l]);
+                }
+                rays.add(window, &batch, &there);
+            }
         }
         rays.trimmed()
     }

@@ -16,7 +16,7 @@ use super::spans::{
     split_by_run,
 };
 use super::state::State;
-use super::sums::{Features, SpanSums, Wanted};
+use super::sums::{Features, SpanSums};
 use crate::geometry::Point;
 use crate::simd::{Eight, LANES, Lanes, Simd, Three, kernel};
 
@@ -71,7 +71,6 @@ struct Eye<'a> {
     residual: Residual,
     /// Square roots of the shares with which points count: along their rays, and across them.
     counts: Option<[f32; 2]>,
-    wanted: Wanted,
 }
 
 impl State<'_> {
@@ -81,9 +80,8 @@ impl State<'_> {
         options: &TubeFitOptions,
         bands: &[f64],
         known: Option<Vec<ViewTerms>>,
-        wanted: Wanted,
     ) -> Vec<ViewTerms> {
-        self.terms_counted(options, bands, known, wanted, None)
+        self.terms_counted(options, bands, known, None)
     }
 
     /// As [`State::terms`], with points that count for less than one in the sums.
@@ -92,7 +90,6 @@ impl State<'_> {
         options: &TubeFitOptions,
         bands: &[f64],
         known: Option<Vec<ViewTerms>>,
-        wanted: Wanted,
         counts: Option<[f32; 2]>,
     ) -> Vec<ViewTerms> {
         let search = known.is_none().then(|| Search::new(self, options.residual));
@@ -107,7 +104,6 @@ impl State<'_> {
                 center: self.center,
                 residual: options.residual,
                 counts,
-                wanted,
             };
             let (order, mut places, runs, mut near) = match (&search, known) {
                 (None, Some(known)) => {
@@ -375,9 +371,6 @@ kernel! {
                     inlier: inlier.0[l] > 0.0,
                 };
             }
-            if eye.wanted == Wanted::Nothing {
-                continue;
-            }
             // the normal as poses see it: perpendicular to the curve's direction over a longer stretch, see
             // `find_directions`
             let direction = Three::load(simd, &direction);
@@ -394,7 +387,7 @@ kernel! {
                     (counted(foot.outward), counted(settled), simd.splat8(-along))
                 }
             };
-            let features = Features {
+            sums.add(simd, &Features {
                 t,
                 weight: foot.weight,
                 outward,
@@ -402,11 +395,7 @@ kernel! {
                 settled,
                 grown,
                 residual: radius * foot.residual,
-            };
-            if eye.wanted == Wanted::All {
-                sums.add_to_curves(simd, &features);
-            }
-            sums.add_to_poses(simd, &features);
+            });
         }
     }
 }

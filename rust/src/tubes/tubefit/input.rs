@@ -21,7 +21,7 @@ pub struct TubeView<'a> {
     pub viewpoint: Point,
     /// The ends of ropes that it sees.
     pub end_observations: &'a [EndObservation],
-    /// To continue an earlier fit to the same points: that fit's foot point of each point, None where no tube was near.
+    /// To continue an earlier fit from its curves: that fit's foot point of each point, None where no tube was near.
     /// Otherwise empty.
     pub foot_points: &'a [Option<OnCurve>],
 }
@@ -73,11 +73,8 @@ pub struct TubeFitOptions {
     pub residual: Residual,
     /// Tukey's limit in the first and the last iteration, radii.
     pub band: [f64; 2],
-    /// Gauss–Newton steps at most.
+    /// Gauss–Newton steps at most. A continued fit counts the first two as taken.
     pub iterations: usize,
-    /// Whether the curves and motions are those of an earlier fit. Then the first two steps, with a wide limit, count as
-    /// taken.
-    pub continued: bool,
     /// The fit ends after a step smaller than this, standard deviations of the unknowns. After a step below 0.1,
     /// further steps change nothing that the data determine.
     pub tolerance: f64,
@@ -107,7 +104,6 @@ impl TubeFitOptions {
         residual: Residual::Distance,
         band: [0.6, 0.4],
         iterations: 12,
-        continued: false,
         tolerance: 0.1,
         min_bend: 1.5,
         noise: None,

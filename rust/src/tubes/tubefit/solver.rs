@@ -7,7 +7,6 @@ use super::foot_points::ViewTerms;
 use super::input::{Residual, TubeFitOptions, goes_on};
 use super::outcome::{TubeFit, Uncertainty};
 use super::state::{State, find_least, find_twist};
-use super::sums::Wanted;
 use crate::error::Result;
 use crate::geometry::median::MEDIAN_TO_SD;
 use crate::geometry::schur::Solver;
@@ -35,13 +34,10 @@ const MAX_ROTATIONS: usize = 1000; // iterations for the eigenvectors of a 6x6 m
 impl State<'_> {
     pub(super) fn run(mut self, options: &TubeFitOptions) -> Result<TubeFit> {
         // a continued fit need not begin with a wide limit again: its first steps count as taken
-        let taken = if options.continued { FIRST_STEPS } else { 0 };
-        let (mut step, mut terms) = match goes_on(self.views) {
-            true => (0.0, self.begun()),
-            false => (f64::INFINITY, Vec::new()),
+        let (taken, mut step, mut terms) = match goes_on(self.views) {
+            true => (FIRST_STEPS, 0.0, self.begun()),
+            false => (0, f64::INFINITY, Vec::new()),
         };
-        let last = if options.uncertainty { Wanted::All } else { Wanted::Nothing };
-        let others = if options.fit_curves { Wanted::All } else { Wanted::Held };
         let mut iteration = taken;
         loop {
             let share = iteration as f64 / options.iterations.saturating_sub(1).max(1) as f64;
@@ -54,7 +50,7 @@ impl State<'_> {
                 .collect();
             let done = iteration >= options.iterations;
             let known = (step < SETTLED).then_some(terms);
-            terms = self.terms(options, &bands, known, if done { last } else { others });
+            terms = self.terms(options, &bands, known);
             self.measure(&terms, options);
             if done {
                 return self.result(terms, &bands, iteration - taken, options);
@@ -62,7 +58,7 @@ impl State<'_> {
             step = self.step(&terms, options)?;
             iteration += 1;
             if !self.stiffen(options) && iteration > FIRST_STEPS + 1 && step < options.tolerance {
-                let terms = self.terms(options, &bands, Some(terms), last);
+                let terms = self.terms(options, &bands, Some(terms));
                 return self.result(terms, &bands, iteration - taken, options);
             }
         }
@@ -104,8 +100,7 @@ impl State<'_> {
             (true, [1.0, 1.0]) => Some(self.uncertainty(&terms, options)?),
             (true, shared) => {
                 let counts = shared.map(|count| count.powf(-0.5) as f32);
-                let counted =
-                    self.terms_counted(options, bands, Some(terms.clone()), Wanted::All, Some(counts));
+                let counted = self.terms_counted(options, bands, Some(terms.clone()), Some(counts));
                 Some(self.uncertainty(&counted, options)?)
             }
         };
@@ -113,7 +108,7 @@ impl State<'_> {
         if open {
             for _ in 0..STEPS_HELD {
                 let step = self.step(&terms, options)?;
-                terms = self.terms(options, bands, Some(terms), Wanted::All);
+                terms = self.terms(options, bands, Some(terms));
                 iterations += 1;
                 if step < options.tolerance {
                     break;

@@ -14,16 +14,6 @@ const PAIRS: [(usize, usize); 10] =
     [(0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)];
 const AXES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]; // pairs of x, y and z
 
-/// The sums that are wanted.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Wanted {
-    /// None: only the foot points.
-    Nothing,
-    /// Those for poses and radii; curves are held.
-    Held,
-    All,
-}
-
 /// Eight points on a span.
 pub(super) struct Features<V> {
     /// Parameter within the span.
@@ -37,21 +27,6 @@ pub(super) struct Features<V> {
     pub(super) grown: V,
     /// Residual, metres.
     pub(super) residual: V,
-}
-
-impl<V: Eight> Features<V> {
-    /// Returns the features that are multiplied, one after the other.
-    #[inline(always)]
-    fn stored(&self) -> [Lanes; LANES] {
-        let mut features = [Lanes::all(0.0); LANES];
-        for k in 0..3 {
-            features[k] = self.turn.0[k].store();
-            features[k + 3] = self.settled.0[k].store();
-        }
-        features[GROWN] = self.grown.store();
-        features[RESIDUAL] = self.residual.store();
-        features
-    }
 }
 
 /// Sums over points of one view on one span.
@@ -83,9 +58,9 @@ impl SpanSums {
         }
     }
 
-    /// Adds eight points to the sums for the curves; those without weight add nothing.
+    /// Adds eight points; those without weight add nothing.
     #[inline(always)]
-    pub(super) fn add_to_curves<S: Simd>(&mut self, simd: S, points: &Features<S::Eight>) {
+    pub(super) fn add<S: Simd>(&mut self, simd: S, points: &Features<S::Eight>) {
         let (zero, one, sixth) = (simd.splat8(0.0), simd.splat8(1.0), simd.splat8(1.0 / 6.0));
         let (three, four, six) = (simd.splat8(3.0), simd.splat8(4.0), simd.splat8(6.0));
         let t = points.t;
@@ -108,12 +83,19 @@ impl SpanSums {
         for (pair, (a, b)) in pairs.iter_mut().zip(PAIRS) {
             *pair = (weighted[a] * basis[b]).store();
         }
+        let mut features = [Lanes::all(0.0); LANES];
+        for k in 0..3 {
+            features[k] = points.turn.0[k].store();
+            features[k + 3] = points.settled.0[k].store();
+        }
+        features[GROWN] = points.grown.store();
+        features[RESIDUAL] = points.residual.store();
         let mut normals = [Lanes::all(0.0); LANES];
         for (normal, (k, l)) in normals.iter_mut().zip(AXES) {
             *normal = (n[k] * n[l]).store();
         }
         let outward = [n[0].store(), n[1].store(), n[2].store()];
-        let by_point = transpose(&points.stored());
+        let by_point = transpose(&features);
         let normals_by_point = transpose(&normals);
         // few sums at a time, so that they stay in registers
         let mut band = [zero; PAIRS.len()];
@@ -149,14 +131,7 @@ impl SpanSums {
                 self.border[a][k] = border[a][k].store();
             }
         }
-    }
-
-    /// Adds eight points to the sums for poses and radii; those without weight add nothing.
-    #[inline(always)]
-    pub(super) fn add_to_poses<S: Simd>(&mut self, simd: S, points: &Features<S::Eight>) {
-        let (weight, features) = (points.weight.store(), points.stored());
-        let by_point = transpose(&features);
-        let mut corner = [simd.splat8(0.0); RESIDUAL];
+        let mut corner = [zero; RESIDUAL];
         for (sum, stored) in corner.iter_mut().zip(&self.corner) {
             *sum = simd.load8(stored);
         }

@@ -46,7 +46,7 @@ def test_a_t_is_named_a_branch_and_a_gap_is_none():
         assert len(find_warnings(model, "branch")) == branched
 
 
-@pytest.mark.parametrize(("gap", "said"), [(0.0, True), (1.25, False), (2.0, False)])
+@pytest.mark.parametrize(("gap", "said"), [(0.0, True), (1.0, False), (2.0, False)])
 def test_a_rope_that_ends_short_of_another_is_no_branch(gap, said):
     trunk = draw_line([-0.12, 0, R], [0.12, 0, R])
     other = draw_line([0.01, (1.0 + gap) * R, R], [0.01, 0.12, R])
