@@ -27,7 +27,7 @@ _MEETING = 0.5  # gap between an end's axis and a strand's surface where they me
 _LEVEL = 0.5  # difference of their heights there at most, sums of their radii
 _SAME_PLACE = 4.0  # distance of such an end from a junction there at most, radii
 _OWN = 6.0  # stretch of rope at an end that it cannot meet, radii
-_TIED = 0.2  # gap of strands that a tie may hold together, radii
+_TIED = 0.5  # gap of strands that a tie may hold together, radii
 _TIE = 0.95  # height of a tie over the strands' axes at least, ridges: between touching ropes is a valley
 _NEAR_CONTACT = 3.0  # distance of a tie from where the strands touch at most, radii
 _APART = 1.3  # distance of the axes of strands under a tie at most, sums of their radii
@@ -48,7 +48,7 @@ class Ropes:
     Attributes
     ----------
     chains : list of Chain
-        None if the method is not sure of them.
+        Empty if the method is not sure of them.
     trust : float
         How sure it is, from 0 to 1.
     """

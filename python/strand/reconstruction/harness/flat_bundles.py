@@ -23,6 +23,7 @@ _INSIDE = (0.125, 0.875)  # stretch of a strand that tells, of its nodes
 _ACROSS = np.linspace(-0.8, 0.8, 17)  # half widths: places across a strand, of which some lie on wires' backs
 _BACK = 85.0  # percentile of the heights across a strand that is the height of the wires' backs
 _LOW = 35.0  # percentile of a strand's heights where it lies on the table: other parts lie on strands
+_LOWEST = 0.4  # half widths: a lower radius by height is none, since the table is not where it seems
 _TIE = 0.25  # height of a tie over the wires' backs at least, radii of a wire
 _NEAR_TIE = 5.0  # distance of a tie from a junction that it is at most, radii of a wire
 _UNDER_TIES = 9  # nodes whose median is the height without ties
@@ -48,7 +49,7 @@ class FlatBundles:
         Unit vector across the plane in which they lie.
     lying : (K,) ndarray
         The radius of each strand by the height of its back, if it is round and lies on the table, metres;
-        infinite without a table.
+        infinite where the height tells none.
     """
 
     wires: NDArray[np.int64]
@@ -144,6 +145,7 @@ def find_flat_bundles(
     heights, lows, halves = np.array(shapes).T
     widths = np.array([strand.half_width for strand in strands])
     lying = lows / (1.0 + drawn.ridge)
+    lying = np.where(lying > _LOWEST * widths, lying, np.inf)
     shares = heights / ((1.0 + drawn.ridge) * widths)
     flat = (shares < _FLAT) & (shares > 1.0 / _MOST)
     if not flat.any():

@@ -32,6 +32,7 @@ _MASK_SD = 0.12  # radii: deviation of half widths of a strand's mask
 _BY_HEIGHT = 0.75  # weight of the height of a strand that lies on the table, against that of its tube
 _LYING_SD = 0.015  # radii: deviation of radii by height and tube where both agree
 _DIFFER_SD = 0.25  # the same for each radius by which they differ
+_MOST_DIFFERENT = 0.2  # radii: where they differ by more, the strand lies on others, and the tube alone tells
 _ALONG = 0.05  # weight of a junction's place in the plan over that of strands
 _HELD = 10.0  # the same of a junction whose place a tie tells
 _APART = 0.9  # distance of strands that are apart, sums of their radii
@@ -167,10 +168,10 @@ def _fit(
     widths, deviations = beside.list_widths(measured), relative_sd[beside.classes]
     final, is_chosen, is_held = _choose_final(widths, deviations, list_pairs(strands, len(places)), possible)
     radii = beside.list_radii(final)
-    if not is_held:
-        # radii that nobody gave are held where heights tell them
-        sure = is_chosen or bool(np.isfinite(beside.lying).all())
-        along_ray["radius_prior"] = np.column_stack([radii, (_SAME_SD if sure else _RADIUS_SD) * radii])
+    # points with correlated errors would pull radii that heights tell back to those of tubes
+    if not (is_held or (not is_chosen and np.isfinite(beside.lying).all())):
+        deviation = _SAME_SD if is_chosen else _RADIUS_SD
+        along_ray["radius_prior"] = np.column_stack([radii, deviation * radii])
     try:
         fit = fit_curves(
             clouds, alone.curves, classes, alone.motions, radii, config, uncertainty=True, **along_ray
@@ -219,10 +220,10 @@ def _weigh_radii(masks: Array, lying: Array, fit: TubeFit, radii: Array) -> tupl
     share = tube_sd**-2.0 / (tube_sd**-2.0 + _MASK_SD**-2.0)
     by_mask = np.exp(share * np.log(fit.radii) + (1.0 - share) * np.log(masks))
     mask_sd = np.sqrt(1.0 / (tube_sd**-2.0 + _MASK_SD**-2.0))
-    higher = np.log(np.maximum(fit.radii / lying, 1e-300))
-    by_height = fit.radii * np.exp(-_BY_HEIGHT * np.maximum(higher, 0.0))
-    height_sd = _LYING_SD + _DIFFER_SD * np.abs(higher)
     is_lying = np.isfinite(lying)
+    higher = np.log(fit.radii / np.where(is_lying, lying, fit.radii))
+    by_height = fit.radii * np.exp(-_BY_HEIGHT * np.maximum(higher, 0.0))
+    height_sd = _LYING_SD + _DIFFER_SD * np.minimum(np.abs(higher), _MOST_DIFFERENT)
     return np.where(is_lying, by_height, by_mask), np.where(is_lying, height_sd, mask_sd)
 
 
