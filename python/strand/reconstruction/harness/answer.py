@@ -42,6 +42,7 @@ _SURE = (0.8, 0.9)  # confidence of one look and of two above which no other is 
 _NO_BUNDLES = 0.1  # doubt of strands that are no bundles of the given wire
 _FLAT = 0.12  # doubt of a harness with wires that lie side by side
 _FLAT_SD = 0.05  # radii: deviation of those of wires side by side, which their width counts
+_OTHER_WIRE = 0.1  # radii: difference of a wire's radius from that by the height of wires side by side
 _UNEQUAL = 0.1  # doubt of a junction at which wires do not add up
 _MIN_WARNED = 0.1  # lesser doubts have no warning
 
@@ -171,6 +172,11 @@ def _count_wires(
             Doubt("wires", _NO_BUNDLES, "how many wires there are", f"{reason} wires of {wire * 1e3:.1f} mm")
         ]
     doubts = []
+    flat = harness.beside.flat
+    off_wire = float(np.median(harness.beside.lying[flat])) / wire if flat.any() else 1.0
+    if np.isfinite(off_wire) and abs(off_wire - 1.0) > _OTHER_WIRE:
+        reason = f"wires side by side are {2e3 * off_wire * wire:.1f} mm high, not {2e3 * wire:.1f} mm"
+        doubts.append(Doubt("wires", _NO_BUNDLES, "how many wires there are", reason))
     if choice.strained:
         off = radii / list_bundles(wire)[choice.numbers] - 1.0
         worst = int(np.abs(off).argmax())

@@ -10,6 +10,8 @@ import numpy as np
 import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.geometry.plane import Plane
+from strand.reconstruction.evidence.depth_errors import MIN_CORRELATION
+from strand.reconstruction.images.pixel_errors import correlate_neighbors
 from strand.reconstruction.images.table_plane import find_table, find_table_beside_ropes
 from strand.reconstruction.stages import Observed
 from strand.support.checks import Array
@@ -43,6 +45,8 @@ class Ground:
     up : (3,) ndarray
         The table's normal, or the way to the held camera.
     table : Plane or None
+    correlated : bool
+        Whether errors of neighbouring pixels are alike, so that points make strands too thick.
     """
 
     motions: Array
@@ -52,6 +56,7 @@ class Ground:
     floor: Array
     up: Array
     table: Plane | None
+    correlated: bool
 
     @property
     def ways(self) -> Array:
@@ -109,7 +114,9 @@ def find_ground(observed: Observed, radii: tuple[float, float]) -> Ground:
             points = points[near]
             seen.append(points[np.abs(table.measure_heights(points)) < _FLOOR_HEIGHT * radii[0]])
         floor = np.concatenate(seen)
-    return Ground(motions, given, clouds, viewpoints, floor, up, table)
+    images = observed.images if all(view.image is not None for view in observed.whole) else []
+    correlated = correlate_neighbors(images) > MIN_CORRELATION
+    return Ground(motions, given, clouds, viewpoints, floor, up, table, correlated)
 
 
 def _drop_lonely(points: Array, radius: float) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import strand._core as _core
 from strand._core import NotEnoughDataError, TubeFit
@@ -32,7 +33,8 @@ _MASK_SD = 0.12  # radii: deviation of half widths of a strand's mask
 _BY_HEIGHT = 0.75  # weight of the height of a strand that lies on the table, against that of its tube
 _LYING_SD = 0.015  # radii: deviation of radii by height and tube where both agree
 _DIFFER_SD = 0.25  # the same for each radius by which they differ
-_MOST_DIFFERENT = 0.2  # radii: where they differ by more, the strand lies on others, and the tube alone tells
+_BUNDLE_SD = 0.02  # radii: deviation of round bundles from those of wires packed well at least
+_AGREE = 0.06  # radii: difference of both at most, unless correlated errors make tubes too thick
 _ALONG = 0.05  # weight of a junction's place in the plan over that of strands
 _HELD = 10.0  # the same of a junction whose place a tie tells
 _APART = 0.9  # distance of strands that are apart, sums of their radii
@@ -88,6 +90,7 @@ def fit_harness(
     motions: Array,
     possible: Possible,
     config: Config,
+    correlated: bool,
 ) -> Fitted:
     """Fit strands and poses to the points of all views.
 
@@ -108,13 +111,15 @@ def fit_harness(
     possible : Possible
         The radii that strands may have.
     config : Config
+    correlated : bool
+        Whether errors of neighbouring pixels are alike.
     """
     try:
-        return _fit(clouds, strands, beside, places, held, motions, possible, config)
+        return _fit(clouds, strands, beside, places, held, motions, possible, config, correlated)
     except NotEnoughDataError:
         if possible.radii is None:
             raise
-        return _fit(clouds, strands, beside, places, held, motions, Possible(None, None), config)
+        return _fit(clouds, strands, beside, places, held, motions, Possible(None, None), config, correlated)
 
 
 def _fit(
@@ -126,6 +131,7 @@ def _fit(
     motions: Array,
     possible: Possible,
     config: Config,
+    correlated: bool,
 ) -> Fitted:
     """Fit roughly, then each strand's radius, then all with the radii that were chosen."""
     halves = np.array([strand.half_width for strand in strands])
@@ -164,12 +170,12 @@ def _fit(
     )
     masks = beside.list_radii(halves / np.sqrt(beside.wires))
     lying = beside.list_radii(np.where(beside.flat, np.inf, beside.lying))
-    measured, relative_sd = _weigh_radii(masks, lying, alone, start)
+    measured, relative_sd, told = _weigh_radii(masks, lying, alone, start, correlated)
     widths, deviations = beside.list_widths(measured), relative_sd[beside.classes]
     final, is_chosen, is_held = _choose_final(widths, deviations, list_pairs(strands, len(places)), possible)
     radii = beside.list_radii(final)
-    # points with correlated errors would pull radii that heights tell back to those of tubes
-    if not (is_held or (not is_chosen and np.isfinite(beside.lying).all())):
+    # points with correlated errors would pull radii back to those of tubes
+    if not (is_held or (correlated and is_chosen) or (not is_chosen and told.all())):
         deviation = _SAME_SD if is_chosen else _RADIUS_SD
         along_ray["radius_prior"] = np.column_stack([radii, deviation * radii])
     try:
@@ -184,14 +190,18 @@ def _fit(
     parts = _cut(fit, strands)
     places, covariances, parts = _share_points(fit, parts, strands, places, held)
     closed = [strand.closed for strand in strands]
-    radii_sd = fit.radii_sd if is_chosen else np.maximum(fit.radii_sd, deviations * fit.radii)
+    if is_chosen:
+        deviations = np.minimum(deviations, _BUNDLE_SD)
+    radii_sd = fit.radii_sd if is_held else np.maximum(fit.radii_sd, deviations * fit.radii)
     chains = make_chains(fit, parts, closed, radii_sd[fit.radius_classes], config)
     chains = [
         replace(_bend_to(chain, strand, places), radius=width)
         for chain, strand, width in zip(chains, strands, final.tolist(), strict=True)
     ]
     sizes = [len(points) for points in clouds.points]
-    return Fitted(fit, sizes, chains, places, covariances, final if is_held else widths, deviations)
+    return Fitted(
+        fit, sizes, chains, places, covariances, final if is_held else widths, relative_sd[beside.classes]
+    )
 
 
 def _choose_final(
@@ -210,21 +220,25 @@ def _choose_final(
     return (widths, False, False) if refused is None else (refused, True, False)
 
 
-def _weigh_radii(masks: Array, lying: Array, fit: TubeFit, radii: Array) -> tuple[Array, Array]:
-    """Return radii of classes, metres, and their relative deviations, by tubes and by heights or masks.
+def _weigh_radii(
+    masks: Array, lying: Array, fit: TubeFit, radii: Array, correlated: bool
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return radii of classes, metres, their relative deviations, and whether heights tell them.
 
     Points with much noise make tubes too thick, as do masks that are too wide. Both leave the height of a
-    strand that lies on the table as it is; one that lies on others is higher.
+    strand that lies on the table as it is; one that lies on others is higher. A lower one, with errors that
+    are not correlated, lies in a groove, or the table is not where it seems.
     """
     tube_sd = _TUBE_SD * (1.0 + (fit.sigma / (_NOISY * radii)) ** 2)
     share = tube_sd**-2.0 / (tube_sd**-2.0 + _MASK_SD**-2.0)
     by_mask = np.exp(share * np.log(fit.radii) + (1.0 - share) * np.log(masks))
     mask_sd = np.sqrt(1.0 / (tube_sd**-2.0 + _MASK_SD**-2.0))
-    is_lying = np.isfinite(lying)
-    higher = np.log(fit.radii / np.where(is_lying, lying, fit.radii))
-    by_height = fit.radii * np.exp(-_BY_HEIGHT * np.maximum(higher, 0.0))
-    height_sd = _LYING_SD + _DIFFER_SD * np.minimum(np.abs(higher), _MOST_DIFFERENT)
-    return np.where(is_lying, by_height, by_mask), np.where(is_lying, height_sd, mask_sd)
+    is_known = np.isfinite(lying)
+    thicker = np.log(fit.radii / np.where(is_known, lying, fit.radii))
+    told = is_known & (thicker > -_AGREE) & (correlated | (thicker < _AGREE))
+    by_height = fit.radii * np.exp(-_BY_HEIGHT * np.maximum(thicker, 0.0))
+    height_sd = _LYING_SD + _DIFFER_SD * np.abs(thicker)
+    return np.where(told, by_height, by_mask), np.where(told, height_sd, mask_sd), told
 
 
 def _choose(radii: Array, measured: Array) -> Array:

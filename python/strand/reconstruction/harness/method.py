@@ -144,7 +144,10 @@ def find_harnesses(
         with contextlib.suppress(NotEnoughDataError):
             yield _answer(_look(ground, toward, asked), by_tubes, asked)
     if not run.skips(AS_ROPES):
-        last = _find_ropes(above, lambda some: asked.trace(some, find_chains), asked)
+        # images are read for ropes of one radius alone, and each of several would take long
+        last = _find_ropes(
+            above, lambda some: asked.trace(some, find_chains) if len(some) == 1 else Ropes([], 0.0), asked
+        )
         if last is not None:
             yield last
 
@@ -258,7 +261,15 @@ def _fit(sight: _Sight, trust: float | None, asked: _Asked) -> FoundHarness:
         )
         held = [junction.tied for junction in sight.decided.junctions][: len(sight.places)]
         fitted = fit_harness(
-            clouds, strands, beside, sight.places, held, ground.motions, asked.possible, asked.config
+            clouds,
+            strands,
+            beside,
+            sight.places,
+            held,
+            ground.motions,
+            asked.possible,
+            asked.config,
+            ground.correlated,
         )
     return FoundHarness(
         drawn, ground, sight.lines, sight.decided, strands, beside, sight.places, fitted, trust
