@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from strand.reconstruction.answering import (
 )
 from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
 from strand.reconstruction.harness.certainty import Certainty, judge
+from strand.reconstruction.harness.flat_bundles import FlatBundles
 from strand.reconstruction.harness.graph import Graph, make_graph, make_harness
 from strand.reconstruction.harness.look_doubts import (
     doubt_by_rival,
@@ -27,7 +29,7 @@ from strand.reconstruction.harness.look_doubts import (
 )
 from strand.reconstruction.harness.method import FoundHarness, find_harnesses
 from strand.reconstruction.harness.net_evidence import doubt_differences
-from strand.reconstruction.harness.wires import choose_radii, list_bundles
+from strand.reconstruction.harness.wires import Choice, choose_radii, list_bundles
 from strand.reconstruction.images.border_ends import doubt_ends_at_border
 from strand.reconstruction.observing import Hints, Scene
 from strand.reconstruction.stages import Found, Run
@@ -171,12 +173,20 @@ def _count_wires(
         return choice.counts, [
             Doubt("wires", _NO_BUNDLES, "how many wires there are", f"{reason} wires of {wire * 1e3:.1f} mm")
         ]
-    doubts = []
-    flat = harness.beside.flat
-    off_wire = float(np.median(harness.beside.lying[flat])) / wire if flat.any() else 1.0
-    if np.isfinite(off_wire) and abs(off_wire - 1.0) > _OTHER_WIRE:
-        reason = f"wires side by side are {2e3 * off_wire * wire:.1f} mm high, not {2e3 * wire:.1f} mm"
-        doubts.append(Doubt("wires", _NO_BUNDLES, "how many wires there are", reason))
+    reason = "the wires of the thickest strand are not the sum of the others' wires"
+    at_nodes = [
+        Doubt("wires", _UNEQUAL, "how many wires meet", reason, graph.places[node]) for node in choice.unequal
+    ]
+    return choice.counts, [*_doubt_counts(choice, radii, harness.beside, wire), *at_nodes]
+
+
+def _doubt_counts(choice: Choice, radii: Array, beside: FlatBundles, wire: float) -> Iterator[Doubt]:
+    """Doubt numbers of wires where another wire, or other numbers, explain the radii (K,) of strands."""
+    what = "how many wires there are"
+    thick = float(np.median(beside.lying[beside.flat])) if beside.flat.any() else wire
+    if np.isfinite(thick) and abs(thick / wire - 1.0) > _OTHER_WIRE:
+        reason = f"wires side by side are {2e3 * thick:.1f} mm high, not {2e3 * wire:.1f} mm"
+        yield Doubt("wires", _NO_BUNDLES, what, reason)
     if choice.strained:
         off = radii / list_bundles(wire)[choice.numbers] - 1.0
         worst = int(np.abs(off).argmax())
@@ -185,17 +195,11 @@ def _count_wires(
             f"a strand is {100.0 * abs(off[worst]):.0f} % {side} than a bundle of {choice.counts[worst]} "
             f"wires with a radius of {wire * 1e3:.2f} mm"
         )
-        doubts.append(Doubt("wires", _NO_BUNDLES, "how many wires there are", reason))
+        yield Doubt("wires", _NO_BUNDLES, what, reason)
     other = 1.0 / (1.0 + math.exp(0.5 * min(choice.margin, 100.0)))
     if choice.rival is not None and other > _MIN_WARNED:
         counts = ", ".join(str(number + 1) for number in choice.rival)
-        reason = f"edges with {counts} wires fit nearly as well"
-        doubts.append(Doubt("wires", other, "how many wires there are", reason))
-    reason = "the wires of the thickest strand are not the sum of the others' wires"
-    at_nodes = [
-        Doubt("wires", _UNEQUAL, "how many wires meet", reason, graph.places[node]) for node in choice.unequal
-    ]
-    return choice.counts, [*doubts, *at_nodes]
+        yield Doubt("wires", other, what, f"edges with {counts} wires fit nearly as well")
 
 
 def _collect(harness: FoundHarness, scene: Scene) -> Found:
