@@ -339,9 +339,13 @@ def _choose_by_images(
     images = _Attempt(make_answer(reading, observed, config, own), own)
     best = reading.explanations[0].fit
     noisy = best.noise > _SMALL_NOISE and _is_noisy(observed)
-    # readings may have missed a rope where mask is left
-    alike = reading.neighbor_correlation > MIN_CORRELATION and best.misfit[0] < _MAX_UNCOVERED
-    if alike or (noisy and images.sure) or run.skips("tubes in the points"):
+    # readings may have missed a rope where a caller's mask is left
+    left = best.misfit[0] >= _MAX_UNCOVERED and not observed.masks_found
+    if (
+        (reading.neighbor_correlation > MIN_CORRELATION and not left)
+        or (noisy and images.sure)
+        or run.skips("tubes in the points")
+    ):
         return images.take(run)
     tubes = _try_tubes(observed, config, run) if tubes is None else tubes
     if tubes is not None and not noisy and tubes.independent and tubes.trust >= images.trust:

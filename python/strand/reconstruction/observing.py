@@ -153,6 +153,7 @@ def observe(extract: Extract, hints: Hints, run: Run) -> Scene:
         radii,
         hints.prior,
         pictures=pictures,
+        masks_found=found is not None,
     )
     doubts = [mask.doubt for mask in misplaced]
     if found is not None and found.by_color:

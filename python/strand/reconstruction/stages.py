@@ -108,6 +108,8 @@ class Observed:
         Images made of clouds on a table, with a mask of their ropes, by the number of the view.
     support : (normal, offset) or None
         The plane that flat ropes seem to lie on, if views show ropes alone: normal @ x = offset, metres.
+    masks_found : bool
+        Whether strand found the masks, in which bits of other things are left.
     """
 
     views: Sequence[View]
@@ -119,6 +121,7 @@ class Observed:
     middle: int | None = None
     pictures: Mapping[int, DepthImage] = field(default_factory=dict)
     support: tuple[Array, float] | None = None
+    masks_found: bool = False
 
     @property
     def radius(self) -> float:

@@ -290,3 +290,10 @@ def test_ends_just_behind_a_crossing_are_those_of_two_ropes(device):
         layout=strand.synthetic.Layout(distance=0.5, elevation=np.radians(80.0)),
     )
     assert len(strand.reconstruct(made.views, radius).chains) == 2
+
+
+def test_tubes_are_not_sought_in_masks_that_strand_found():
+    made = strand.synthetic.frame_scene("usual", 2)
+    model = strand.reconstruct(made.views)
+    assert "readings" in model.timings
+    assert "arcs" not in model.timings
