@@ -190,9 +190,8 @@ def _fit(
     parts = _cut(fit, strands)
     places, covariances, parts = _share_points(fit, parts, strands, places, held)
     closed = [strand.closed for strand in strands]
-    if is_chosen:
-        deviations = np.minimum(deviations, _BUNDLE_SD)
-    radii_sd = fit.radii_sd if is_held else np.maximum(fit.radii_sd, deviations * fit.radii)
+    own_sd = np.minimum(deviations, _BUNDLE_SD) if is_chosen else deviations
+    radii_sd = fit.radii_sd if is_held else np.maximum(fit.radii_sd, own_sd * fit.radii)
     chains = make_chains(fit, parts, closed, radii_sd[fit.radius_classes], config)
     chains = [
         replace(_bend_to(chain, strand, places), radius=width)

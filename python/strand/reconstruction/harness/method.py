@@ -96,10 +96,11 @@ class FoundHarness:
 def find_harnesses(
     observed: Observed, config: Config, run: Run, wire: float | None = None, net: Netlist | None = None
 ) -> Iterator[FoundHarness]:
-    """Yield the graph of ropes that branch as it looks from above, then as it looks from the cameras.
+    """Yield the graph of ropes that branch as it looks from above, from the cameras, and as ropes alone.
 
     From above, no strand hides another's side, but one view does not see what lies behind strands. From the
-    cameras nothing is missing, but strands that lie one behind the other look as if they met.
+    cameras nothing is missing, but strands that lie one behind the other look as if they met. The methods for
+    ropes see through tangles, but know no junctions; nothing is yielded if they are not sure.
 
     Parameters
     ----------
