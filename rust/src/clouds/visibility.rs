@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::geometry::{Point, RigidMotion, advance, cross, dot, normalized, sub};
 use crate::parallel;
 pub(crate) use rays::Observed;
-use rays::{Cells, MAX_TANGENT, Rays, Window};
+use rays::{Cells, MAX_TANGENT, Rays, Window, lower_to_rays, mark_taken};
 
 const CELL: f64 = 1.6; // width of a cell of a view's grid of directions, spacings between neighbouring points
 const MARGIN: f64 = 0.1; // margin of the grid around the directions that callers ask about, tangents
@@ -161,12 +161,7 @@ impl Buffer {
         }
         let shape = last.map(|x| x + 1);
         let mut nearest = vec![f32::INFINITY; shape[0] * shape[1]];
-        for rays in &rays {
-            rays.visit(cells, |[i, j], squared| {
-                let least = &mut nearest[i * shape[1] + j];
-                *least = squared.min(*least);
-            });
-        }
+        rays.iter().for_each(|rays| lower_to_rays(rays, cells, shape[1], &mut nearest));
         for distance in &mut nearest {
             *distance = distance.sqrt();
         }
@@ -243,16 +238,12 @@ fn spacing(rays: &[Rays], count: usize, low: [f64; 2], high: [f64; 2]) -> f64 {
         let cells = Cells::new(low, cell);
         let last = cells.of(high.map(|x| x as f32));
         let taken = if (last[0] as f64 + 1.0) * (last[1] as f64 + 1.0) > MAX_CELLS {
-            let mut taken = HashSet::new();
-            rays.iter().for_each(|rays| {
-                rays.visit(cells, |place, _| {
-                    taken.insert(place);
-                });
-            });
+            let taken: HashSet<[usize; 2]> =
+                rays.iter().flat_map(Rays::directions).map(|flat| cells.of(flat)).collect();
             taken.len()
         } else {
             let mut taken = vec![false; (last[0] + 1) * (last[1] + 1)];
-            rays.iter().for_each(|rays| rays.visit(cells, |[i, j], _| taken[i * (last[1] + 1) + j] = true));
+            rays.iter().for_each(|rays| mark_taken(rays, cells, last[1] + 1, &mut taken));
             taken.into_iter().filter(|&taken| taken).count()
         };
         area = taken as f64 * cell * cell;

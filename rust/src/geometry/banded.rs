@@ -6,7 +6,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use crate::simd::kernel;
+use crate::simd::{LANES, kernel};
 
 /// Entries of a row up to its diagonal for nodes in space: three control points before it, and its own coordinates.
 pub const WIDTH: usize = 12;
@@ -74,14 +74,15 @@ impl<const W: usize> Bordered<W> {
             self.corner.gemm(-1.0, &rows, &rows.transpose(), 1.0);
             return Some(Factor { band: self.band, border: self.border, corner: self.corner.cholesky()? });
         }
-        // row by row, m entries a row
-        let mut taken = vec![0.0; m * m];
+        // row by row, with room for whole registers
+        let width = m.next_multiple_of(LANES);
+        let mut taken = vec![0.0; m * width];
         if !eliminate(&mut self.band, &mut self.border, Some(&mut taken)) {
             return None;
         }
         for a in 0..m {
             for b in 0..=a {
-                self.corner[(a, b)] -= taken[a * m + b];
+                self.corner[(a, b)] -= taken[a * width + b];
             }
         }
         Some(Factor { band: self.band, border: self.border, corner: self.corner.cholesky()? })
@@ -89,7 +90,7 @@ impl<const W: usize> Bordered<W> {
 }
 
 /// Turns A into L and C into W, and adds the lower half of WᵀW to `product`, if asked; returns whether A is positive
-/// definite.
+/// definite. Rows of `product` have room for whole registers, and their entries after the diagonal mean nothing.
 pub(super) fn eliminate<const W: usize>(
     band: &mut [[f64; W]],
     border: &mut [f64],
@@ -136,6 +137,7 @@ fn eliminate_rows<const W: usize>(
         }
     }
     let m = border.len() / n.max(1);
+    let mut padded = [0.0; MAX_DIRECT.next_multiple_of(LANES)];
     for i in 0..if m > 0 { n } else { 0 } {
         let (done, rest) = border.split_at_mut(i * m);
         let edge = &mut rest[..m];
@@ -149,10 +151,15 @@ fn eliminate_rows<const W: usize>(
             *x *= band[i][W - 1];
         }
         let Some(product) = product.as_deref_mut() else { continue };
-        for a in 0..m {
-            let x = edge[a];
-            for (sum, y) in product[a * m..=a * m + a].iter_mut().zip(&edge[..=a]) {
-                *sum += x * y;
+        padded[..m].copy_from_slice(edge);
+        let (eights, width) = (padded.as_chunks::<LANES>().0, m.next_multiple_of(LANES));
+        for (a, row) in product.chunks_exact_mut(width).enumerate() {
+            let x = padded[a];
+            let before = row[..(a + 1).next_multiple_of(LANES)].as_chunks_mut::<LANES>().0;
+            for (sums, y) in before.iter_mut().zip(eights) {
+                for l in 0..LANES {
+                    sums[l] += x * y[l];
+                }
             }
         }
     }
@@ -253,23 +260,32 @@ impl<const W: usize> Factor<W> {
         let start = x.iter().position(|&value| value != 0.0).unwrap_or(n);
         forward(&self.band, &mut x, start);
         let mut rest = DVector::from_column_slice(border);
-        for i in start..n {
-            for a in 0..m {
-                rest[a] -= self.border[i * m + a] * x[i];
+        let rows = || self.border.chunks_exact(m.max(1));
+        for (row, &x) in rows().zip(&x).skip(start) {
+            for (rest, edge) in rest.as_mut_slice().iter_mut().zip(row) {
+                *rest -= edge * x;
             }
         }
         let y = self.corner.solve(&rest);
-        for i in 0..n {
-            for a in 0..m {
-                x[i] -= self.border[i * m + a] * y[a];
+        for (row, x) in rows().zip(&mut x) {
+            for (edge, y) in row.iter().zip(y.as_slice()) {
+                *x -= edge * y;
             }
         }
         backward(&self.band, &mut x);
         (x, y.iter().copied().collect())
     }
 
+    /// Returns a diagonal entry of the border's block of the inverse.
+    pub fn border_variance(&self, column: usize) -> f64 {
+        let mut unit = DVector::zeros(self.corner.l_dirty().nrows());
+        unit[column] = 1.0;
+        self.corner.solve_mut(&mut unit);
+        unit[column]
+    }
+
     /// Returns the border's block of the inverse.
-    pub fn border_inverse(&self) -> DMatrix<f64> {
+    fn border_inverse(&self) -> DMatrix<f64> {
         self.corner.inverse()
     }
 

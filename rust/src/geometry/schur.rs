@@ -47,10 +47,7 @@ impl<const W: usize> Solver<W> {
     /// Returns some diagonal entries of the border's block of the inverse.
     pub fn border_variances(&self, columns: std::ops::Range<usize>) -> Vec<f64> {
         match self {
-            Self::Direct(factor) => {
-                let inverse = factor.border_inverse();
-                columns.map(|column| inverse[(column, column)]).collect()
-            }
+            Self::Direct(factor) => columns.map(|column| factor.border_variance(column)).collect(),
             Self::Iterative(schur) => columns.map(|column| schur.border_variance(column)).collect(),
         }
     }

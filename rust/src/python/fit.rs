@@ -217,7 +217,6 @@ pub(super) fn fit_tubes<'py>(
 }
 
 /// The foot points of all views, attribute by attribute.
-#[derive(Default)]
 struct FootPoints {
     curve: Vec<i64>,
     parameter: Vec<f64>,
@@ -230,7 +229,16 @@ struct FootPoints {
 
 impl FootPoints {
     fn of(views: &[Vec<crate::FootPoint>]) -> Self {
-        let mut all = Self::default();
+        let count = views.iter().map(Vec::len).sum();
+        let mut all = Self {
+            curve: Vec::with_capacity(count),
+            parameter: Vec::with_capacity(count),
+            residual: Vec::with_capacity(count),
+            facing: Vec::with_capacity(count),
+            weight: Vec::with_capacity(count),
+            explained: Vec::with_capacity(count),
+            inlier: Vec::with_capacity(count),
+        };
         for foot in views.iter().flatten() {
             all.curve.push(foot.curve as i64);
             all.parameter.push(foot.parameter);

@@ -59,6 +59,30 @@ impl Simd for Avx2 {
         fn splat8(self, x: f32) -> InRegister {
             InRegister(_mm256_set1_ps(x))
         }
+        fn transpose8(self, rows: [InRegister; LANES]) -> [Lanes; LANES] {
+            let [a, b, c, d, e, f, g, h] = rows.map(|row| row.0);
+            let (ab, cd) = (_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d));
+            let (ef, gh) = (_mm256_unpacklo_ps(e, f), _mm256_unpacklo_ps(g, h));
+            let (ab_late, cd_late) = (_mm256_unpackhi_ps(a, b), _mm256_unpackhi_ps(c, d));
+            let (ef_late, gh_late) = (_mm256_unpackhi_ps(e, f), _mm256_unpackhi_ps(g, h));
+            // the first and the second four rows of columns 0 and 4, 1 and 5, 2 and 6, 3 and 7
+            let halves = [
+                [_mm256_shuffle_ps::<0x44>(ab, cd), _mm256_shuffle_ps::<0x44>(ef, gh)],
+                [_mm256_shuffle_ps::<0xee>(ab, cd), _mm256_shuffle_ps::<0xee>(ef, gh)],
+                [_mm256_shuffle_ps::<0x44>(ab_late, cd_late), _mm256_shuffle_ps::<0x44>(ef_late, gh_late)],
+                [_mm256_shuffle_ps::<0xee>(ab_late, cd_late), _mm256_shuffle_ps::<0xee>(ef_late, gh_late)],
+            ];
+            let mut columns = [Lanes::all(0.0); LANES];
+            for (i, [first, second]) in halves.into_iter().enumerate() {
+                // SAFETY: there is room for eight numbers, aligned
+                unsafe {
+                    let (low, high) = (columns[i].0.as_mut_ptr(), columns[i + 4].0.as_mut_ptr());
+                    _mm256_store_ps(low, _mm256_permute2f128_ps::<0x20>(first, second));
+                    _mm256_store_ps(high, _mm256_permute2f128_ps::<0x31>(first, second));
+                }
+            }
+            columns
+        }
         fn load(self, x: &Singles) -> [__m256; 2] {
             // SAFETY: sixteen numbers
             unsafe { [_mm256_loadu_ps(x.as_ptr()), _mm256_loadu_ps(x[LANES..].as_ptr())] }

@@ -51,6 +51,10 @@ impl Simd for Avx512 {
         self.0.splat8(x)
     }
     #[inline(always)]
+    fn transpose8(self, rows: [InRegister; LANES]) -> [Lanes; LANES] {
+        self.0.transpose8(rows)
+    }
+    #[inline(always)]
     fn mask(self, bits: u32) -> __mmask16 {
         bits as __mmask16
     }

@@ -29,6 +29,16 @@ impl Simd for Portable {
         Lanes::all(x)
     }
     #[inline(always)]
+    fn transpose8(self, rows: [Lanes; LANES]) -> [Lanes; LANES] {
+        let mut columns = rows;
+        for i in 0..LANES {
+            for l in 0..LANES {
+                columns[l].0[i] = rows[i].0[l];
+            }
+        }
+        columns
+    }
+    #[inline(always)]
     fn load(self, x: &Singles) -> Singles {
         *x
     }

@@ -1,7 +1,7 @@
 //! The operations of an instruction set.
 
 use super::eight::Eight;
-use super::lanes::{BATCH, Doubles, Lanes, Singles, Whole};
+use super::lanes::{BATCH, Doubles, LANES, Lanes, Singles, Whole};
 
 /// A token for an instruction set, and its operations. No number may be NaN, except in an [`Eight`].
 pub trait Simd: Copy {
@@ -24,6 +24,8 @@ pub trait Simd: Copy {
     fn load8(self, x: &Lanes) -> Self::Eight;
     /// Puts one number into eight lanes.
     fn splat8(self, x: f32) -> Self::Eight;
+    /// Stores eight rows of eight numbers column by column.
+    fn transpose8(self, rows: [Self::Eight; LANES]) -> [Lanes; LANES];
 
     fn load(self, x: &Singles) -> Self::F;
     fn store(self, x: Self::F) -> Singles;

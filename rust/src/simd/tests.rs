@@ -40,7 +40,9 @@ kernel! {
         let (a, b, two) = (simd.load8(a), simd.load8(b), simd.splat8(2.0));
         let (x, y) = (Three([a, b, a]), Three([b, a, two]));
         let three = (x.cross(y) + x - y).unit(simd).0;
-        [
+        let columns = simd.transpose8([a, b, two, a * b, a - b, a + b, two * b, three[0]]);
+        let mut results: Vec<Vec<u32>> = columns.iter().map(|x| bits(&x.0)).collect();
+        results.extend([
             a + b,
             a - b,
             a * b,
@@ -58,8 +60,8 @@ kernel! {
             three[2],
             simd.splat8(a.sum() as f32),
         ]
-        .map(|x| bits(&x.store().0))
-        .to_vec()
+        .map(|x| bits(&x.store().0)));
+        results
     }
 }
 

@@ -167,7 +167,8 @@ pub(crate) fn deviations(covariance: &[[f64; 6]; 6]) -> [f64; 6] {
 
 /// Returns all views' points, moved by the corrections of the poses, and the unit vectors to their cameras.
 pub(crate) fn placed(views: &[TubeView], motions: &[RigidMotion]) -> (Vec<Point>, Vec<Point>) {
-    let (mut points, mut to_camera) = (Vec::new(), Vec::new());
+    let count = views.iter().map(|view| view.points.len()).sum();
+    let (mut points, mut to_camera) = (Vec::with_capacity(count), Vec::with_capacity(count));
     for (view, motion) in views.iter().zip(motions) {
         let camera = motion.apply(view.viewpoint);
         points.extend(view.points.iter().map(|&p| motion.apply(p)));

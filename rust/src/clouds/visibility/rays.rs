@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::clouds::depth::{Pinhole, has_return};
 use crate::geometry::Point;
-use crate::simd::{BATCH, kernel};
+use crate::simd::{BATCH, Singles, kernel};
 
 /// Directions farther than this from a view's middle are not gridded, tangents.
 pub(super) const MAX_TANGENT: f64 = 3.0;
@@ -30,11 +30,13 @@ pub(super) struct Window {
 }
 
 /// Directions in a window and squared distances from the camera; single precision is finer than any pixel.
-#[derive(Default)]
 pub(super) struct Rays {
     flat: [Vec<f32>; 2],
     squared: Vec<f32>,
     count: usize,
+    /// Lanes of the corners of the box around the directions.
+    low: [Singles; 2],
+    high: [Singles; 2],
 }
 
 /// A square grid of directions.
@@ -145,7 +147,8 @@ kernel! {
 impl Rays {
     fn with_room(count: usize) -> Self {
         let room = || vec![0.0; count + BATCH];
-        Self { flat: [room(), room()], squared: room(), count: 0 }
+        let (low, high) = ([[f32::INFINITY; BATCH]; 2], [[f32::NEG_INFINITY; BATCH]; 2]);
+        Self { flat: [room(), room()], squared: room(), count: 0, low, high }
     }
 
     /// Adds the rays to those of a batch of points that are there and in a window.
@@ -170,11 +173,25 @@ impl Rays {
         if kept == [false; BATCH] {
             return;
         }
+        for k in 0..2 {
+            for l in 0..BATCH {
+                let (low, high) = (&mut self.low[k][l], &mut self.high[k][l]);
+                *low = if kept[l] & (flat[k][l] < *low) { flat[k][l] } else { *low };
+                *high = if kept[l] & (flat[k][l] > *high) { flat[k][l] } else { *high };
+            }
+        }
         let count = self.count;
         let room = count..count + BATCH;
         let [first, second] = &mut self.flat;
         let (first, second) = (&mut first[room.clone()], &mut second[room.clone()]);
         let third = &mut self.squared[room];
+        if kept == [true; BATCH] {
+            first.copy_from_slice(&flat[0]);
+            second.copy_from_slice(&flat[1]);
+            third.copy_from_slice(&squared);
+            self.count += BATCH;
+            return;
+        }
         let mut n = 0;
         for l in 0..BATCH {
             (first[n], second[n], third[n]) = (flat[0][l], flat[1][l], squared[l]);
@@ -186,7 +203,7 @@ impl Rays {
     fn trimmed(mut self) -> Self {
         let [first, second] = &mut self.flat;
         for values in [first, second, &mut self.squared] {
-            values.truncate(self.count);
+            values.truncate(self.count.next_multiple_of(BATCH));
         }
         self
     }
@@ -197,20 +214,43 @@ impl Rays {
 
     /// Returns the corners of the box around the directions, if there are any.
     pub(super) fn bounds(&self) -> Option<[[f64; 2]; 2]> {
-        let most = |values: &[f32], of: fn(f32, f32) -> f32| values.iter().copied().reduce(of);
-        let corner = |of| {
-            let [first, second] = &self.flat;
-            Some([f64::from(most(first, of)?), f64::from(most(second, of)?)])
+        let corner = |lanes: &[Singles; 2], of: fn(f32, f32) -> f32| {
+            [0, 1].map(|k| f64::from(lanes[k].iter().copied().fold(lanes[k][0], of)))
         };
-        Some([corner(f32::min)?, corner(f32::max)?])
+        (self.count > 0).then(|| [corner(&self.low, f32::min), corner(&self.high, f32::max)])
     }
 
-    /// Calls `visit` with the cell of each ray, its row and column, and its squared distance.
-    #[inline]
-    pub(super) fn visit(&self, cells: Cells, mut visit: impl FnMut([usize; 2], f32)) {
+    /// Iterates over directions.
+    pub(super) fn directions(&self) -> impl Iterator<Item = [f32; 2]> {
         let [first, second] = &self.flat;
-        for ((&x, &y), &squared) in first.iter().zip(second).zip(&self.squared) {
-            visit(cells.of([x, y]), squared);
+        first.iter().zip(second).map(|(&x, &y)| [x, y]).take(self.count)
+    }
+}
+
+kernel! {
+    /// Marks the cells with rays; `width` cells make a row.
+    pub(super) fn mark_taken<S>(_, rays: &Rays, cells: Cells, width: usize, taken: &mut [bool]) {
+        let [x, y] = &rays.flat;
+        for (i, (x, y)) in x.as_chunks().0.iter().zip(y.as_chunks().0).enumerate() {
+            let numbers = cells.number_batch(x, y, width);
+            for l in 0..BATCH.min(rays.count - i * BATCH) {
+                taken[numbers[l] as usize] = true;
+            }
+        }
+    }
+}
+
+kernel! {
+    /// Lowers the squared distances of cells to those of their rays; `width` cells make a row.
+    pub(super) fn lower_to_rays<S>(_, rays: &Rays, cells: Cells, width: usize, nearest: &mut [f32]) {
+        let [x, y] = &rays.flat;
+        let batches = x.as_chunks().0.iter().zip(y.as_chunks().0).zip(rays.squared.as_chunks::<BATCH>().0);
+        for (i, ((x, y), squared)) in batches.enumerate() {
+            let numbers = cells.number_batch(x, y, width);
+            for l in 0..BATCH.min(rays.count - i * BATCH) {
+                let least = &mut nearest[numbers[l] as usize];
+                *least = if squared[l] < *least { squared[l] } else { *least };
+            }
         }
     }
 }
@@ -220,8 +260,22 @@ impl Cells {
         Self { low: low.map(|x| x as f32), inverse: (1.0 / cell) as f32 }
     }
 
+    /// Returns the row and column of a direction.
     #[inline]
     pub(super) fn of(&self, flat: [f32; 2]) -> [usize; 2] {
         [0, 1].map(|k| ((flat[k] - self.low[k]) * self.inverse) as usize)
+    }
+
+    /// Returns the numbers of directions' cells, counted row by row.
+    #[inline(always)]
+    fn number_batch(&self, x: &Singles, y: &Singles, width: usize) -> [u32; BATCH] {
+        let mut numbers = [0u32; BATCH];
+        for l in 0..BATCH {
+            let row = ((x[l] - self.low[0]) * self.inverse) as u32;
+            let column = ((y[l] - self.low[1]) * self.inverse) as u32;
+            // what fills up a batch may lie anywhere
+            numbers[l] = row.wrapping_mul(width as u32).wrapping_add(column);
+        }
+        numbers
     }
 }

@@ -101,13 +101,16 @@ impl State<'_> {
                         }
                     }
                 }
-                let pose = column.into_iter().flat_map(|column| (0..6).map(move |k| (k, column + k)));
-                let edges = pose.chain(radius.map(|column| (6, column)));
-                for (from, to) in edges.clone() {
+                let edges: [Option<usize>; RESIDUAL] =
+                    std::array::from_fn(|k| if k < 6 { column.map(|column| column + k) } else { radius });
+                for (from, to) in edges.iter().enumerate() {
+                    let Some(to) = *to else { continue };
                     let corner = sums.corner(from);
                     right_border[to] -= scale * corner[RESIDUAL];
-                    for (other, column) in edges.clone().take_while(|edge| edge.1 <= to) {
-                        matrix.add_corner(to, column, scale * corner[other]);
+                    for (sum, column) in corner.iter().zip(&edges[..=from]) {
+                        if let Some(column) = *column {
+                            matrix.add_corner(to, column, scale * sum);
+                        }
                     }
                 }
             }

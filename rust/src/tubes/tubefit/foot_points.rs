@@ -16,7 +16,7 @@ use super::spans::{
     split_by_run,
 };
 use super::state::State;
-use super::sums::{Features, SpanSums};
+use super::sums::{Features, SpanSums, Wanted};
 use crate::geometry::Point;
 use crate::simd::{Eight, LANES, Lanes, Simd, Three, kernel};
 
@@ -37,8 +37,6 @@ const NOWHERE: FootPoint = FootPoint {
 /// A [`FootPoint`] on a known span, in radii.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Near {
-    /// The parameter within the span.
-    t: f32,
     pub(super) residual: f32,
     pub(super) facing: f32,
     weight: f32,
@@ -53,11 +51,12 @@ pub(super) struct ViewTerms {
     /// Numbers of the points that have a tube nearby, sorted by span.
     order: Vec<u32>,
     runs: Vec<Run>,
-    /// Foot points in that order.
+    /// Places and foot points in that order.
+    places: Vec<OnSpan>,
     pub(super) near: Vec<Near>,
     /// The curve of each run.
     curves: Vec<usize>,
-    /// The runs' sums for the normal equations.
+    /// The runs' sums for the normal equations, as far as they were wanted.
     pub(super) sums: Vec<SpanSums>,
 }
 
@@ -71,6 +70,7 @@ struct Eye<'a> {
     residual: Residual,
     /// Square roots of the shares with which points count: along their rays, and across them.
     counts: Option<[f32; 2]>,
+    wanted: Wanted,
 }
 
 impl State<'_> {
@@ -80,8 +80,9 @@ impl State<'_> {
         options: &TubeFitOptions,
         bands: &[f64],
         known: Option<Vec<ViewTerms>>,
+        wanted: Wanted,
     ) -> Vec<ViewTerms> {
-        self.terms_counted(options, bands, known, None)
+        self.terms_counted(options, bands, known, wanted, None)
     }
 
     /// As [`State::terms`], with points that count for less than one in the sums.
@@ -90,6 +91,7 @@ impl State<'_> {
         options: &TubeFitOptions,
         bands: &[f64],
         known: Option<Vec<ViewTerms>>,
+        wanted: Wanted,
         counts: Option<[f32; 2]>,
     ) -> Vec<ViewTerms> {
         let search = known.is_none().then(|| Search::new(self, options.residual));
@@ -104,12 +106,10 @@ impl State<'_> {
                 center: self.center,
                 residual: options.residual,
                 counts,
+                wanted,
             };
             let (order, mut places, runs, mut near) = match (&search, known) {
-                (None, Some(known)) => {
-                    let places = known.find_places();
-                    (known.order, places, known.runs, known.near)
-                }
+                (None, Some(known)) => (known.order, known.places, known.runs, known.near),
                 (Some(search), _) => {
                     let (order, places) = sort_by_span(eye.searched(search).iter().flatten(), &spans.first);
                     let runs = find_runs(&places);
@@ -125,27 +125,20 @@ impl State<'_> {
             let (order, places) = resort(order, places, spans.spans.len());
             let runs = find_runs(&places);
             near.resize(places.len(), Near::default());
-            let of_run = |(run, near): (&Run, &mut [Near])| {
+            let empty = |run: &Run| SpanSums::new(spans.spans[run.span].curve, spans.spans[run.span].number);
+            let mut sums: Vec<SpanSums> = runs.iter().map(empty).collect();
+            let of_run = |((run, near), sums): ((&Run, &mut [Near]), &mut SpanSums)| {
                 go_on();
-                let span = &spans.spans[run.span];
-                let mut sums = SpanSums::new(span.curve, span.number);
-                evaluate(
-                    span,
-                    &eye,
-                    &order[run.points.clone()],
-                    &places[run.points.clone()],
-                    near,
-                    &mut sums,
-                );
-                sums
+                let (order, places) = (&order[run.points.clone()], &places[run.points.clone()]);
+                evaluate(&spans.spans[run.span], &eye, order, places, near, sums);
             };
-            let sums = split_by_run(&runs, &mut near)
+            split_by_run(&runs, &mut near)
                 .into_par_iter()
+                .zip(&mut sums)
                 .with_min_len(RUNS_PER_TASK)
-                .map(of_run)
-                .collect();
+                .for_each(of_run);
             let curves = runs.iter().map(|run| spans.spans[run.span].curve).collect();
-            ViewTerms { order, runs, near, curves, sums }
+            ViewTerms { order, runs, places, near, curves, sums }
         };
         let known: Vec<Option<ViewTerms>> = match known {
             Some(known) => known.into_iter().map(Some).collect(),
@@ -159,8 +152,8 @@ impl State<'_> {
         let firsts = number_spans(&self.curves);
         let of_view = |view: &TubeView| {
             let (order, places) = sort_by_span(view.foot_points, &firsts);
-            let near = places.iter().map(|place| Near { t: place.t, ..Near::default() }).collect();
-            ViewTerms { order, runs: find_runs(&places), near, curves: Vec::new(), sums: Vec::new() }
+            let (runs, near) = (find_runs(&places), Vec::new());
+            ViewTerms { order, runs, places, near, curves: Vec::new(), sums: Vec::new() }
         };
         self.views.iter().map(of_view).collect()
     }
@@ -176,7 +169,7 @@ impl State<'_> {
                     let near = &terms.near[position];
                     foot_points[terms.order[position] as usize] = FootPoint {
                         curve,
-                        parameter: (run.span - firsts[curve]) as f64 + f64::from(near.t),
+                        parameter: (run.span - firsts[curve]) as f64 + f64::from(terms.places[position].t),
                         residual: r * f64::from(near.residual),
                         outward: near.outward.map(f64::from),
                         facing: f64::from(near.facing),
@@ -193,16 +186,6 @@ impl State<'_> {
 }
 
 impl ViewTerms {
-    /// Returns the places of all points that have one.
-    fn find_places(&self) -> Vec<OnSpan> {
-        let mut places = Vec::with_capacity(self.near.len());
-        for run in &self.runs {
-            let span = run.span as u32;
-            places.extend(self.near[run.points.clone()].iter().map(|near| OnSpan { span, t: near.t }));
-        }
-        places
-    }
-
     /// Iterates over the foot points on each span, and their curves.
     pub(super) fn on_curves(&self) -> impl Iterator<Item = (usize, &[Near])> {
         self.curves.iter().zip(&self.runs).map(|(&curve, run)| (curve, &self.near[run.points.clone()]))
@@ -224,19 +207,20 @@ impl Eye<'_> {
 
     #[inline(always)]
     fn moved(&self, p: Point) -> Point {
-        std::array::from_fn(|k| {
+        let mut moved = self.translation;
+        for k in 0..3 {
             let row = self.rotation[k];
-            row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + self.translation[k]
-        })
+            moved[k] = row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + self.translation[k];
+        }
+        moved
     }
 
-    /// Moves eight points and returns them relative to a span's origin, in radii; the last block repeats its last
-    /// point.
+    /// Moves eight points and returns them relative to a span's origin, in radii.
     #[inline(always)]
-    fn block<S: Simd>(&self, simd: S, span: &Span, numbers: &[u32]) -> Three<S::Eight> {
+    fn block<S: Simd>(&self, simd: S, span: &Span, numbers: [u32; LANES]) -> Three<S::Eight> {
         let mut points = [[0.0; LANES]; 3];
         for l in 0..LANES {
-            let p = self.points[numbers[l.min(numbers.len() - 1)] as usize];
+            let p = self.points[numbers[l] as usize];
             for k in 0..3 {
                 points[k][l] = p[k];
             }
@@ -267,16 +251,30 @@ impl Span {
     }
 }
 
+/// Returns the first eight values; fewer are filled up with the last.
+#[inline(always)]
+fn take_eight<T: Copy>(values: &[T]) -> [T; LANES] {
+    if let Some(eight) = values.first_chunk() {
+        return *eight;
+    }
+    let mut eight = [values[values.len() - 1]; LANES];
+    for (to, &value) in eight.iter_mut().zip(values) {
+        *to = value;
+    }
+    eight
+}
+
 kernel! {
     /// Moves places on a span to the foot points of their points, which may lie on another span of the curve.
     fn move_to_foot_points<S>(simd, span: &Span, eye: &Eye, numbers: &[u32], places: &mut [OnSpan]) {
         let least = simd.splat8(-(span.number as f32));
         let most = simd.splat8((span.count - span.number) as f32);
         for (numbers, places) in numbers.chunks(LANES).zip(places.chunks_mut(LANES)) {
-            let p = eye.block(simd, span, numbers);
+            let p = eye.block(simd, span, take_eight(numbers));
             let mut starts = Lanes::all(0.0);
-            for (start, place) in starts.0.iter_mut().zip(places.iter()) {
-                *start = place.t;
+            let first = take_eight(places);
+            for l in 0..LANES {
+                starts.0[l] = first[l].t;
             }
             let mut t = simd.load8(&starts);
             for _ in 0..2 {
@@ -322,14 +320,17 @@ kernel! {
         let (low, high) = (Three::all(simd, span.bounds[0]), Three::all(simd, span.bounds[1]));
         let blocks = numbers.chunks(LANES).zip(places.chunks(LANES)).zip(near.chunks_mut(LANES));
         for ((numbers, places), near) in blocks {
-            let p = eye.block(simd, span, numbers);
+            let p = eye.block(simd, span, take_eight(numbers));
+            let count = places.len();
+            let places = take_eight(places);
             let mut parameters = Lanes::all(0.0);
             let mut here = Lanes::all(0.0);
             let mut direction = [Lanes::all(0.0); 3];
-            for (l, place) in places.iter().enumerate() {
-                parameters.0[l] = place.t;
-                here.0[l] = 1.0;
-                let along = span.directions[(place.t * DIRECTIONS as f32 + 0.5) as usize];
+            for l in 0..LANES {
+                let t = places[l].t;
+                parameters.0[l] = t;
+                here.0[l] = if l < count { 1.0 } else { 0.0 };
+                let along = span.directions[(t * DIRECTIONS as f32 + 0.5) as usize];
                 for k in 0..3 {
                     direction[k].0[l] = along[k];
                 }
@@ -362,7 +363,6 @@ kernel! {
             let outward = [x.store(), y.store(), z.store()];
             for (l, near) in near.iter_mut().enumerate() {
                 *near = Near {
-                    t: parameters.0[l],
                     residual: residual.0[l],
                     facing: facing.0[l],
                     weight: weight.0[l],
@@ -370,6 +370,9 @@ kernel! {
                     explained: explained.0[l] > 0.0,
                     inlier: inlier.0[l] > 0.0,
                 };
+            }
+            if eye.wanted == Wanted::Nothing {
+                continue;
             }
             // the normal as poses see it: perpendicular to the curve's direction over a longer stretch, see
             // `find_directions`
@@ -387,7 +390,7 @@ kernel! {
                     (counted(foot.outward), counted(settled), simd.splat8(-along))
                 }
             };
-            sums.add(simd, &Features {
+            let features = Features {
                 t,
                 weight: foot.weight,
                 outward,
@@ -395,7 +398,8 @@ kernel! {
                 settled,
                 grown,
                 residual: radius * foot.residual,
-            });
+            };
+            sums.add(simd, &features, eye.wanted == Wanted::All);
         }
     }
 }

@@ -7,6 +7,7 @@ use super::foot_points::ViewTerms;
 use super::input::{Residual, TubeFitOptions, goes_on};
 use super::outcome::{TubeFit, Uncertainty};
 use super::state::{State, find_least, find_twist};
+use super::sums::Wanted;
 use crate::error::Result;
 use crate::geometry::median::MEDIAN_TO_SD;
 use crate::geometry::schur::Solver;
@@ -38,6 +39,7 @@ impl State<'_> {
             true => (FIRST_STEPS, 0.0, self.begun()),
             false => (0, f64::INFINITY, Vec::new()),
         };
+        let last = if options.uncertainty { sums_for_steps(options) } else { Wanted::Nothing };
         let mut iteration = taken;
         loop {
             let share = iteration as f64 / options.iterations.saturating_sub(1).max(1) as f64;
@@ -50,7 +52,7 @@ impl State<'_> {
                 .collect();
             let done = iteration >= options.iterations;
             let known = (step < SETTLED).then_some(terms);
-            terms = self.terms(options, &bands, known);
+            terms = self.terms(options, &bands, known, if done { last } else { sums_for_steps(options) });
             self.measure(&terms, options);
             if done {
                 return self.result(terms, &bands, iteration - taken, options);
@@ -58,7 +60,7 @@ impl State<'_> {
             step = self.step(&terms, options)?;
             iteration += 1;
             if !self.stiffen(options) && iteration > FIRST_STEPS + 1 && step < options.tolerance {
-                let terms = self.terms(options, &bands, Some(terms));
+                let terms = self.terms(options, &bands, Some(terms), last);
                 return self.result(terms, &bands, iteration - taken, options);
             }
         }
@@ -100,7 +102,8 @@ impl State<'_> {
             (true, [1.0, 1.0]) => Some(self.uncertainty(&terms, options)?),
             (true, shared) => {
                 let counts = shared.map(|count| count.powf(-0.5) as f32);
-                let counted = self.terms_counted(options, bands, Some(terms.clone()), Some(counts));
+                let (known, wanted) = (Some(terms.clone()), sums_for_steps(options));
+                let counted = self.terms_counted(options, bands, known, wanted, Some(counts));
                 Some(self.uncertainty(&counted, options)?)
             }
         };
@@ -108,7 +111,7 @@ impl State<'_> {
         if open {
             for _ in 0..STEPS_HELD {
                 let step = self.step(&terms, options)?;
-                terms = self.terms(options, bands, Some(terms));
+                terms = self.terms(options, bands, Some(terms), sums_for_steps(options));
                 iterations += 1;
                 if step < options.tolerance {
                     break;
@@ -129,9 +132,10 @@ impl State<'_> {
 
     /// Updates the standard deviations of residuals and of noise.
     fn measure(&mut self, terms: &[ViewTerms], options: &TubeFitOptions) {
-        let mut sizes = Vec::new();
-        let mut along_rays = Vec::new();
+        let count = terms.iter().map(|terms| terms.near.len()).sum();
         let along = options.residual == Residual::Ray && options.noise.is_none();
+        let mut sizes = Vec::with_capacity(count);
+        let mut along_rays = Vec::with_capacity(if along { count } else { 0 });
         for (curve, run) in terms.iter().flat_map(ViewTerms::on_curves) {
             let radius = self.radius(curve) as f32;
             for near in run.iter().filter(|near| near.inlier) {
@@ -240,8 +244,15 @@ fn move_about(step: [f64; 6], center: Point) -> RigidMotion {
     RigidMotion { rotation, translation: c - rotation * c + Vector3::new(step[3], step[4], step[5]) }
 }
 
+/// Returns the sums that steps need.
+fn sums_for_steps(options: &TubeFitOptions) -> Wanted {
+    if options.fit_curves { Wanted::All } else { Wanted::Held }
+}
+
 /// Returns the standard deviation of values about zero, from the median of their sizes.
-fn estimate_sd(mut sizes: Vec<f32>) -> f64 {
-    let middle = sizes.len() / 2;
-    MEDIAN_TO_SD * f64::from(*sizes.select_nth_unstable_by(middle, f32::total_cmp).1)
+fn estimate_sd(sizes: Vec<f32>) -> f64 {
+    // the bits of positive numbers have their order
+    let mut bits: Vec<u32> = sizes.into_iter().map(f32::to_bits).collect();
+    let middle = bits.len() / 2;
+    MEDIAN_TO_SD * f64::from(f32::from_bits(*bits.select_nth_unstable(middle).1))
 }

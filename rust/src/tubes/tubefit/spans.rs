@@ -92,13 +92,14 @@ pub(super) fn resort(order: Vec<u32>, places: Vec<OnSpan>, spans: usize) -> (Vec
 
 /// Divides sorted points into runs on one span, none longer than a task.
 pub(super) fn find_runs(places: &[OnSpan]) -> Vec<Run> {
-    let mut runs: Vec<Run> = Vec::new();
-    for (i, place) in places.iter().enumerate() {
-        let span = place.span as usize;
-        match runs.last_mut() {
-            Some(run) if run.span == span && run.points.len() < POINTS_PER_TASK => run.points.end = i + 1,
-            _ => runs.push(Run { span, points: i..i + 1 }),
-        }
+    let mut runs = Vec::new();
+    let mut start = 0;
+    while start < places.len() {
+        let span = places[start].span;
+        let most = &places[start..places.len().min(start + POINTS_PER_TASK)];
+        let end = start + most.iter().position(|place| place.span != span).unwrap_or(most.len());
+        runs.push(Run { span: span as usize, points: start..end });
+        start = end;
     }
     runs
 }

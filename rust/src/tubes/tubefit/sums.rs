@@ -7,12 +7,21 @@
 
 use crate::simd::{Eight, LANES, Lanes, Simd, Three};
 
-const GROWN: usize = 6; // the number of the radius feature, after rotation and translation
-pub(super) const RESIDUAL: usize = 7; // the number of the residual feature, after the radius
+pub(super) const RESIDUAL: usize = 7; // the number of the residual feature, after rotation, translation and the radius
 /// Pairs of the four control points of a span.
 const PAIRS: [(usize, usize); 10] =
     [(0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)];
 const AXES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]; // pairs of x, y and z
+
+/// The sums that are wanted.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Wanted {
+    /// None: only the foot points.
+    Nothing,
+    /// Those for poses and radii; curves are held.
+    Held,
+    All,
+}
 
 /// Eight points on a span.
 pub(super) struct Features<V> {
@@ -58,9 +67,39 @@ impl SpanSums {
         }
     }
 
-    /// Adds eight points; those without weight add nothing.
+    /// Adds eight points to the sums, with those for curves if these are fitted; points without weight add nothing.
     #[inline(always)]
-    pub(super) fn add<S: Simd>(&mut self, simd: S, points: &Features<S::Eight>) {
+    pub(super) fn add<S: Simd>(&mut self, simd: S, points: &Features<S::Eight>, with_curves: bool) {
+        let ([r0, r1, r2], [s0, s1, s2]) = (points.turn.0, points.settled.0);
+        let features = [r0, r1, r2, s0, s1, s2, points.grown, points.residual];
+        let by_point = simd.transpose8(features);
+        if with_curves {
+            self.add_to_curves(simd, points, &by_point);
+        }
+        let weight = points.weight.store();
+        let mut corner = [simd.splat8(0.0); RESIDUAL];
+        let mut weighted = [weight; RESIDUAL];
+        for k in 0..RESIDUAL {
+            corner[k] = simd.load8(&self.corner[k]);
+            weighted[k] = (points.weight * features[k]).store();
+        }
+        for l in 0..LANES {
+            let by_point = simd.load8(&by_point[l]);
+            for k in 0..RESIDUAL {
+                corner[k] = corner[k] + simd.splat8(weighted[k].0[l]) * by_point;
+            }
+        }
+        for k in 0..RESIDUAL {
+            self.corner[k] = corner[k].store();
+        }
+        for weight in weight.0 {
+            self.used += usize::from(weight > 0.0);
+        }
+    }
+
+    /// Adds eight points, given with their features point by point, to the sums for curves.
+    #[inline(always)]
+    fn add_to_curves<S: Simd>(&mut self, simd: S, points: &Features<S::Eight>, by_point: &[Lanes; LANES]) {
         let (zero, one, sixth) = (simd.splat8(0.0), simd.splat8(1.0), simd.splat8(1.0 / 6.0));
         let (three, four, six) = (simd.splat8(3.0), simd.splat8(4.0), simd.splat8(6.0));
         let t = points.t;
@@ -80,36 +119,30 @@ impl SpanSums {
             stored[a] = weighted[a].store();
         }
         let mut pairs = [weight; PAIRS.len()];
-        for (pair, (a, b)) in pairs.iter_mut().zip(PAIRS) {
-            *pair = (weighted[a] * basis[b]).store();
-        }
-        let mut features = [Lanes::all(0.0); LANES];
-        for k in 0..3 {
-            features[k] = points.turn.0[k].store();
-            features[k + 3] = points.settled.0[k].store();
-        }
-        features[GROWN] = points.grown.store();
-        features[RESIDUAL] = points.residual.store();
-        let mut normals = [Lanes::all(0.0); LANES];
-        for (normal, (k, l)) in normals.iter_mut().zip(AXES) {
-            *normal = (n[k] * n[l]).store();
+        for i in 0..PAIRS.len() {
+            let (a, b) = PAIRS[i];
+            pairs[i] = (weighted[a] * basis[b]).store();
         }
         let outward = [n[0].store(), n[1].store(), n[2].store()];
-        let by_point = transpose(&features);
-        let normals_by_point = transpose(&normals);
+        let mut normals = [zero; LANES];
+        for i in 0..AXES.len() {
+            let (k, l) = AXES[i];
+            normals[i] = n[k] * n[l];
+        }
+        let normals_by_point = simd.transpose8(normals);
         // few sums at a time, so that they stay in registers
         let mut band = [zero; PAIRS.len()];
-        for (sum, stored) in band.iter_mut().zip(&self.band) {
-            *sum = simd.load8(stored);
+        for i in 0..PAIRS.len() {
+            band[i] = simd.load8(&self.band[i]);
         }
         for l in 0..LANES {
             let normals = simd.load8(&normals_by_point[l]);
-            for (sum, pair) in band.iter_mut().zip(&pairs) {
-                *sum = *sum + simd.splat8(pair.0[l]) * normals;
+            for i in 0..PAIRS.len() {
+                band[i] = band[i] + simd.splat8(pairs[i].0[l]) * normals;
             }
         }
-        for (sum, stored) in band.iter().zip(&mut self.band) {
-            *stored = sum.store();
+        for i in 0..PAIRS.len() {
+            self.band[i] = band[i].store();
         }
         let mut border = [[zero; 3]; 4];
         for a in 0..4 {
@@ -130,22 +163,6 @@ impl SpanSums {
             for k in 0..3 {
                 self.border[a][k] = border[a][k].store();
             }
-        }
-        let mut corner = [zero; RESIDUAL];
-        for (sum, stored) in corner.iter_mut().zip(&self.corner) {
-            *sum = simd.load8(stored);
-        }
-        for l in 0..LANES {
-            let by_point = simd.load8(&by_point[l]);
-            for (sum, feature) in corner.iter_mut().zip(&features) {
-                *sum = *sum + simd.splat8(weight.0[l] * feature.0[l]) * by_point;
-            }
-        }
-        for (sum, stored) in corner.iter().zip(&mut self.corner) {
-            *stored = sum.store();
-        }
-        for weight in weight.0 {
-            self.used += usize::from(weight > 0.0);
         }
     }
 
@@ -189,16 +206,4 @@ impl Band {
             }
         }
     }
-}
-
-/// Transposes eight rows.
-#[inline(always)]
-fn transpose(rows: &[Lanes; LANES]) -> [Lanes; LANES] {
-    let mut columns = *rows;
-    for i in 0..LANES {
-        for l in 0..LANES {
-            columns[l].0[i] = rows[i].0[l];
-        }
-    }
-    columns
 }
