@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+import strand._core as _core
 from strand.geometry.plane import Plane
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
@@ -14,6 +15,7 @@ from strand.views.view import View
 
 _REACH = 6.0  # radii around an end: points there count
 _BELOW = 1.5  # radii below the table: points there are beyond its edge
+_OWN = 2.0  # radii around ropes: points there are theirs
 _DEVIATIONS = 6.0  # standard deviations of the table's heights: points that far below are beyond its edge
 _DEVIATION_OF_MEDIAN = 1.5  # standard deviation over the median of absolute heights, rounded up
 _MIN_POINTS = 10  # beyond the edge: with fewer an end is not doubted
@@ -39,10 +41,11 @@ def doubt_ends_at_edge(
         Each with the number of its chain.
     """
     found: list[tuple[Doubt, tuple[int, ...]]] = []
+    lines = np.concatenate([chain.points for chain in chains]) if chains else np.zeros((0, 3))
     for number, chain in enumerate(chains):
         for end in () if chain.closed else (chain.points[0], chain.points[-1]):
             if any(
-                _count_below(view, table, end, chain.radius) >= _MIN_POINTS
+                _count_below(view, table, end, chain.radius, lines) >= _MIN_POINTS
                 for view, table in zip(views, tables, strict=True)
                 if table is not None
             ):
@@ -51,9 +54,10 @@ def doubt_ends_at_edge(
     return found
 
 
-def _count_below(view: View, table: Plane, end: Array, radius: float) -> int:
-    """Return how many points near an end lie clearly below a table."""
-    heights = table.measure_heights(_select_near(view, end, _REACH * radius))
+def _count_below(view: View, table: Plane, end: Array, radius: float, lines: Array) -> int:
+    """Return how many points near an end lie clearly below a table, off the lines (M, 3) of all ropes."""
+    near = _select_near(view, end, _REACH * radius)
+    heights = table.measure_heights(near[_core.find_squared_distances(near, lines) > (_OWN * radius) ** 2])
     on_table = np.abs(heights[np.abs(heights) < _BELOW * radius])
     scatter = _DEVIATION_OF_MEDIAN * float(np.median(on_table)) if len(on_table) else 0.0
     return int(np.count_nonzero(heights < -max(_BELOW * radius, _DEVIATIONS * scatter)))

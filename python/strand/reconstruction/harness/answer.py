@@ -20,11 +20,11 @@ from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
 from strand.reconstruction.harness.certainty import Certainty, judge
 from strand.reconstruction.harness.flat_bundles import FlatBundles
 from strand.reconstruction.harness.graph import Graph, make_graph, make_harness
+from strand.reconstruction.harness.left_pieces import doubt_left_pieces
 from strand.reconstruction.harness.look_doubts import (
     doubt_by_rival,
     doubt_dropped,
     doubt_grazing_views,
-    doubt_uncovered,
     is_same_graph,
 )
 from strand.reconstruction.harness.method import FoundHarness, find_harnesses
@@ -70,7 +70,10 @@ def answer_with_harness(scene: Scene, hints: Hints, run: Run, keep_stages: bool)
     graph, certainty = look.graph, look.certainty
     upwards = find_up(scene, found, found.chains, hints.previous)
     wires, wire_doubts = _count_wires(harness, graph, hints.wire)
-    at_edge = doubt_ends_at_edge(chains, scene.extract.whole, scene.tables) if scene.tables else []
+    whole, tables = scene.extract.whole, scene.tables
+    if not tables:
+        whole, tables = tuple(scene.observed.whole), tuple(harness.ground.tables)
+    at_edge = doubt_ends_at_edge(chains, whole, tables)
     at_border = doubt_ends_at_border(chains, list_images(scene, list(poses)))
     cut = [doubt for doubt, _ in (*at_edge, *at_border)]
     answer = make_harness(graph, chains, certainty.nodes, wires)
@@ -141,7 +144,7 @@ def _find_surest(scene: Scene, hints: Hints, run: Run) -> _Look:
     doubts = [
         *(doubt_by_rival(best.confidence, rival) for rival in rivals),
         *doubt_grazing_views(best.harness.ground),
-        *doubt_uncovered(best.harness),
+        *doubt_left_pieces(best.harness, best.graph, best.chains),
         *(doubt_dropped(scene.observed, best.chains) if best.harness.ground.table is None else ()),
     ]
     certainty = replace(best.certainty, doubts=[*best.certainty.doubts, *doubts])
@@ -171,7 +174,7 @@ def _count_wires(
             f"strands with radii of {radii.min() * 1e3:.1f} to {radii.max() * 1e3:.1f} mm are no bundles of"
         )
         return choice.counts, [
-            Doubt("wires", _NO_BUNDLES, "how many wires there are", f"{reason} wires of {wire * 1e3:.1f} mm")
+            Doubt("wires", _NO_BUNDLES, "how many wires there are", f"{reason} wires of {wire * 1e3:.3g} mm")
         ]
     reason = "the wires of the thickest strand are not the sum of the others' wires"
     at_nodes = [

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
@@ -20,6 +21,11 @@ from strand.views.pose import moved
 _MAX_POINTS = 20_000  # of a cloud in which a table is sought
 _FLOOR_HEIGHT = 0.5  # of points of the table at most, least radii
 _LOWEST = 0.5  # height of points of ropes over the table at least, least radii
+_BELOW = 1.5  # depth of points beyond the table's edge under its plane at least, greatest radii
+_DEVIATIONS = 6.0  # the same, standard deviations of the heights of the table
+_DEVIATION_OF_MEDIAN = 1.5  # standard deviation over the median of absolute heights, rounded up
+_MIN_POINTS = 10  # beyond the edge: fewer are outliers
+_BESIDE_BELOW = 3.0  # distance from these of a rope's other points there at most, greatest radii
 _BESIDE = 12  # pixels around the ropes in which points of the table are taken
 _FEW = 8  # neighbours within the least radius of points of a strand in the air at least
 _REGISTERED = 4000  # points of a view that are registered
@@ -45,6 +51,9 @@ class Ground:
     up : (3,) ndarray
         The table's normal, or the way to the held camera.
     table : Plane or None
+        In the held view.
+    tables : list of (Plane or None)
+        That of each view at its reported pose.
     correlated : bool
         Whether errors of neighbouring pixels are alike, so that points make strands too thick.
     """
@@ -56,6 +65,7 @@ class Ground:
     floor: Array
     up: Array
     table: Plane | None
+    tables: list[Plane | None]
     correlated: bool
 
     @property
@@ -85,8 +95,10 @@ def find_ground(observed: Observed, radii: tuple[float, float]) -> Ground:
             motions[place] = _level(own, table, middle)
     if table is not None:
         # errors of the poses had let points of the table into the extraction range
+        around = [_collect_points(observed, place) for place in range(len(clouds))]
+        edge = _find_depth(around[held], table, radii[1])
         standing = [
-            table.measure_heights(moved(cloud, motion)) > _LOWEST * radii[0]
+            _find_standing(moved(cloud, motion), table, radii, edge)
             for cloud, motion in zip(clouds, motions, strict=True)
         ]
         clouds = [cloud[chosen] for cloud, chosen in zip(clouds, standing, strict=True)]
@@ -109,19 +121,40 @@ def find_ground(observed: Observed, radii: tuple[float, float]) -> Ground:
         )
         seen = []
         for place, motion in enumerate(motions):
-            points = moved(_collect_points(observed, place), motion)
+            points = moved(around[place], motion)
             near = ((points > low - radii[1]) & (points < high + radii[1])).sum(axis=1) >= 2
             points = points[near]
             seen.append(points[np.abs(table.measure_heights(points)) < _FLOOR_HEIGHT * radii[0]])
         floor = np.concatenate(seen)
     images = observed.images if all(view.image is not None for view in observed.whole) else []
     correlated = correlate_neighbors(images) > MIN_CORRELATION
-    return Ground(motions, given, clouds, viewpoints, floor, up, table, correlated)
+    return Ground(motions, given, clouds, viewpoints, floor, up, table, tables, correlated)
 
 
 def _drop_lonely(points: Array, radius: float) -> Array:
     """Return the points with a few others within a radius, metres."""
     return points[_core.count_neighbors(points, radius) >= _FEW]
+
+
+def _find_depth(around: Array, table: Plane, radius: float) -> float:
+    """Return how deep points beyond the edge of a table lie under its plane at least, metres."""
+    heights = np.abs(table.measure_heights(around))
+    on_table = heights[heights < _BELOW * radius]
+    scatter = _DEVIATION_OF_MEDIAN * float(np.median(on_table)) if len(on_table) else 0.0
+    return max(_BELOW * radius, _DEVIATIONS * scatter)
+
+
+def _find_standing(
+    points: Array, table: Plane, radii: tuple[float, float], depth: float
+) -> NDArray[np.bool_]:
+    """Tell which points (N, 3) are no table's: those over it, and those of ropes beyond its edge."""
+    heights = table.measure_heights(points)
+    standing, below = heights > _LOWEST * radii[0], heights < -depth
+    if np.count_nonzero(below) < _MIN_POINTS:
+        return np.asarray(standing)
+    # ropes pass the plane of the table on their way down
+    beside = _core.find_squared_distances(points, points[below]) < (_BESIDE_BELOW * radii[1]) ** 2
+    return np.asarray(standing | beside)
 
 
 def _find_table(observed: Observed, place: int, radius: float) -> Plane | None:

@@ -1,4 +1,4 @@
-"""Doubts of a look at a harness: by another look, by views along the table, and by what no strand covers."""
+"""Doubts of a look at a harness: by another look, by views along the table, and by dropped points."""
 
 from __future__ import annotations
 
@@ -10,21 +10,15 @@ import numpy as np
 import strand._core as _core
 from strand.reconstruction.harness.graph import Graph
 from strand.reconstruction.harness.ground import Ground
-from strand.reconstruction.harness.method import FoundHarness
 from strand.reconstruction.stages import Observed
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 
 _GRAZING = 0.35  # cosine of the angle between up and the steepest view below which it tells little
 _GRAZING_DOUBT = 0.8  # doubt of views along the table
-_BESIDE = 1.25  # distance from a strand's line that it covers, its half widths
-_CORNERS = 1.6  # the same of wires side by side, whose ends have corners
-_EDGE = 1.5  # the same in addition, cells
 _FAR = 2.0  # distance of points that no strand covers, greatest radii
 _DROPPED = 0.004  # share of such points that raises no doubt
 _DROPPED_DOUBT = 20.0  # doubt for all points
-_STUB = 1.3  # area that no strand covers at least, squared least radii
-_STUB_DOUBT = 0.15  # doubt of each
 
 
 def is_same_graph(some: Graph, other: Graph, reach: float) -> bool:
@@ -99,28 +93,3 @@ def doubt_dropped(observed: Observed, chains: Sequence[Chain]) -> Iterator[Doubt
     if far.mean() > _DROPPED:
         reason = f"{100.0 * far.mean():.1f} % of the points lie far from all strands, dropped as outliers"
         yield Doubt("left out", _DROPPED_DOUBT * float(far.mean()), "where strands end", reason)
-
-
-def doubt_uncovered(found: FoundHarness) -> Iterator[Doubt]:
-    """Doubt a harness at pieces of the map's mask that no strand covers, as a short branch would be."""
-    drawn = found.drawn
-    left = drawn.mask & drawn.seen
-    for strand, is_flat in zip(found.strands, found.beside.flat, strict=True):
-        places, _ = drawn.flatten(strand.nodes)
-        cells = np.argwhere(left).astype(np.float64)
-        if not len(cells):
-            return
-        flat = np.zeros((len(cells), 1))
-        line = np.column_stack([places, np.zeros(len(places))])
-        away = np.sqrt(_core.find_squared_distances(np.hstack([cells, flat]), line))
-        reach = (_CORNERS if is_flat else _BESIDE) * strand.half_width / drawn.cell + _EDGE
-        near = cells[away < reach].astype(np.int64)
-        left[near[:, 0], near[:, 1]] = False
-    numbers = _core.number_blobs(np.ascontiguousarray(left))
-    sizes = np.bincount(numbers.ravel())
-    least = min(strand.half_width for strand in found.strands) / drawn.cell
-    for number in np.flatnonzero(sizes[1:] > _STUB * least**2) + 1:
-        middle = np.argwhere(numbers == number).mean(axis=0, keepdims=True)
-        place = drawn.lift(middle, drawn.sample_heights(middle))[0]
-        reason = "a piece beside the strands is as large as a short branch"
-        yield Doubt("left out", _STUB_DOUBT, "whether there is a branch", reason, place)

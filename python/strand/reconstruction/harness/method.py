@@ -25,6 +25,7 @@ from strand.reconstruction.harness.groups import list_layouts
 from strand.reconstruction.harness.joint_fit import Fitted, fit_harness
 from strand.reconstruction.harness.lines import Lines, trace_lines
 from strand.reconstruction.harness.net_evidence import weigh_layouts
+from strand.reconstruction.harness.onward import follow_ends
 from strand.reconstruction.harness.places import Decisions, collect_decisions, decide_places
 from strand.reconstruction.harness.strands import (
     Strand,
@@ -219,6 +220,7 @@ def _look(ground: Ground, toward: Array, asked: _Asked) -> _Sight:
         places = _lift_junctions(decided, strands)
         strands = drop_collapsed(strands)
         beside = find_flat_bundles(strands, drawn, ground.table, asked.wire)
+        strands = follow_ends(strands, beside.flat, ground)
     return _Sight(ground, drawn, lines, decided, strands, beside, places)
 
 

@@ -1,4 +1,4 @@
-"""Doubts of a look at a harness: by another look, by views along the table, and by what no strand covers."""
+"""Doubts of a look at a harness: by another look, by views along the table, and by points on no strand."""
 
 from __future__ import annotations
 
@@ -69,15 +69,18 @@ def test_a_rival_leaves_the_share_that_bayes_says(sure, rival):
     assert left == pytest.approx(only / (only + other + none))
 
 
-def test_a_short_branch_that_is_left_out_is_doubted():
+@pytest.mark.parametrize("length", [2.75, 3.25, 3.75])
+def test_a_short_branch_that_is_left_out_is_doubted(length):
     rope = draw((-0.14, 0.0), (0.14, 0.0))
     whole = look([rope], [RADIUS])
-    short = look([rope, draw((0.0, 0.0), (0.004, 0.0135))], [RADIUS, RADIUS])
+    tip = (0.3 * length * RADIUS, 0.95 * length * RADIUS)
+    short = look([rope, draw((0.0, 0.0), tip)], [RADIUS, RADIUS])
     assert len(whole.chains) == 1
     assert whole.confidence > 0.9
     if len(short.chains) == 1:
-        assert "left out" in {doubt.kind for doubt in short.doubts}
-    assert short.confidence < 0.9
+        (doubt,) = (doubt for doubt in short.doubts if doubt.kind == "left out")
+        np.testing.assert_allclose(doubt.place[:2], tip, atol=2.0 * RADIUS)
+    assert short.confidence < 0.8
 
 
 def test_views_along_a_table_are_doubted():
