@@ -34,6 +34,7 @@ _BY_HEIGHT = 0.75  # weight of the height of a strand that lies on the table, ag
 _LYING_SD = 0.015  # radii: deviation of radii by height and tube where both agree
 _DIFFER_SD = 0.25  # the same for each radius by which they differ
 _BUNDLE_SD = 0.02  # radii: deviation of round bundles from those of wires packed well at least
+_FAR = 2.0  # ratio of a radius and the half width of a mask that is no rope of it
 _AGREE = 0.06  # radii: difference of both at most, unless correlated errors make tubes too thick
 _ALONG = 0.05  # weight of a junction's place in the plan over that of strands
 _HELD = 10.0  # the same of a junction whose place a tie tells
@@ -240,9 +241,10 @@ def _weigh_radii(
     return np.where(told, by_height, by_mask), np.where(told, height_sd, mask_sd), told
 
 
-def _choose(radii: Array, measured: Array) -> Array:
-    """Return the given radius that is nearest to each measured one, by ratio."""
-    return np.asarray(radii[np.abs(np.log(measured[:, None] / radii[None])).argmin(axis=1)])
+def _choose(radii: Array, halves: Array) -> Array:
+    """Return the radius nearest to each half width (K,), by ratio; the half width if none is near."""
+    ratios = np.abs(np.log(halves[:, None] / radii[None]))
+    return np.where(ratios.min(axis=1) < np.log(_FAR), radii[ratios.argmin(axis=1)], halves)
 
 
 def _make_spline(strand: Strand, radius: float, config: Config) -> Array:

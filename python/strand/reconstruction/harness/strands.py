@@ -26,6 +26,7 @@ _HIDDEN = 2.6  # distance from a crossing up to which the upper strand hides the
 _BESIDE = 1.5  # the same beside the stretch where both merge, half widths
 _ENDS = 4.0  # stretches at ends that do not tell a width, half widths
 _AXIS = 0.93  # depth of the axis below the smoothed surface, heights of the ridge
+_TOO_THICK = 2.0  # half widths: no radius of a strand
 _TIP = 3.0  # length of the stretch that tells where an end points, half widths
 _MAX_TIP = 60  # steps of half a cell from an end to the mask's edge at most
 _FARTHEST = 5.0  # distance from the end of a traced tube to that of the mask at most, radii
@@ -260,6 +261,7 @@ def _lift(
     widths = drawn.sample_widths(smooth)
     half_width = float(np.median(widths[inside] if inside.sum() > _FEWEST else widths)) * drawn.cell
     radius = half_width if radii is None else float(radii[np.abs(radii - half_width).argmin()])
+    radius = half_width if radius > _TOO_THICK * half_width else radius
     heights = drawn.sample_heights(smooth)
     hidden = np.zeros(len(places), dtype=bool)
     for passing in passed:

@@ -66,3 +66,14 @@ def test_heights_tell_radii_where_masks_are_too_wide(views):
     off = np.abs(radii / np.sort(made.radii) - 1.0)
     assert off.max() < 0.12
     assert (off < 3.0 * deviations / radii).all()
+
+
+@pytest.mark.parametrize("wire", [1e-6, 3e-4, 0.2])
+def test_a_wire_of_another_size_is_doubted_and_leaves_the_graph_right(wire):
+    made = harness("tree", seed=2, views=3)
+    model = strand.reconstruct(made.views, None, made.bounds, branches=True, wire=wire)
+    assert [edge.wires for edge in model.harness.edges] == [None] * len(made.edges)
+    radii = sorted(edge.radius for edge in model.harness.edges)
+    assert radii == pytest.approx(sorted(made.radii), rel=0.05)
+    (doubt,) = (doubt for doubt in model.doubts if doubt.kind == "wires")
+    assert f"no bundles of wires of {1e3 * wire:.3g} mm" in doubt.reason
