@@ -37,6 +37,7 @@ _NEAR_DOUBT = 0.15  # doubt of each
 _BENT = np.radians(65.0)  # radians: turn of an edge close to its junction that is no rope's
 _BENT_REACH = (1.5, 6.0)  # radii from the junction between which it turns
 _BENT_DOUBT = 0.15  # doubt of each
+_LOST_WIRES = 0.7  # doubt of a junction at which wires that lie side by side do not add up
 _LEFT_SHARE = 0.04  # share of points beside all tubes that raises no doubt
 _LEFT_DOUBT = 5.0  # doubt for all points beyond
 
@@ -115,7 +116,7 @@ def judge(found: FoundHarness, graph: Graph, chains: Sequence[Chain]) -> Certain
         reason = f"{100.0 * (left + _LEFT_SHARE):.0f} % of the points lie on no strand"
         doubts.append(Doubt("left out", _LEFT_DOUBT * left, "what is there", reason))
     of_edges, of_ends = _doubt_edges(graph, chains), _doubt_ends(graph, chains, found.ground.up)
-    return Certainty(nodes, crossings, [*doubts, *of_edges, *of_ends])
+    return Certainty(nodes, crossings, [*doubts, *of_edges, *of_ends, *_doubt_lost_wires(found, graph)])
 
 
 _WHY_JOINED = "a crossing, or an end that lies on a strand, explains it nearly as well"
@@ -196,4 +197,22 @@ def _doubt_ends(graph: Graph, chains: Sequence[Chain], up: Array) -> list[Doubt]
                     reason = "a strand ends beside another one: they may be joined"
                     doubts.append(Doubt("end", _NEAR_DOUBT, "whether a strand ends", reason, tip))
                     break
+    return doubts
+
+
+def _doubt_lost_wires(found: FoundHarness, graph: Graph) -> list[Doubt]:
+    """Doubt junctions of flat strands whose wires do not add up: a branch lies along one of them, say."""
+    beside = found.beside
+    if not beside.flat.any():
+        return []
+    of_round = np.rint((found.fitted.widths / beside.radius) ** 2)
+    wires = np.where(beside.flat, beside.wires, of_round)
+    doubts = []
+    for node in range(len(graph.places)):
+        at = [(wires[n], beside.flat[n]) for n, pair in enumerate(graph.pairs) for end in pair if end == node]
+        counts = [count for count, _ in at]
+        if len(at) > 1 and any(is_flat for _, is_flat in at) and sum(counts) != 2.0 * max(counts):
+            reason = f"{', '.join(f'{count:.0f}' for count in counts)} wires side by side do not add up"
+            place = graph.places[node]
+            doubts.append(Doubt("rival", _LOST_WIRES, "whether a branch is missing", reason, place))
     return doubts

@@ -25,6 +25,8 @@ _MAX_HUBS = 4  # of one place
 _MAX_CLUSTER = 9  # hubs that are decided together
 _NARROWER = 0.7  # of the reach that puts hubs together, for clusters with more
 _LAID_LEVEL = 2.5  # cost of a high stretch beside an end that lies on a strand at most
+_SHORT_ARC = 1.6  # length of an arc below which its ends may be one junction, half widths
+_SHORT_COST = 3.0  # cost of two junctions at one place
 _ALIKE = 3.0  # costs over the least of groupings that make the same graph
 _PRUNED = 6.0  # costs over the least that are no alternative
 
@@ -226,10 +228,11 @@ def _meet_at_one(hubs: Sequence[int], survey: _Survey) -> bool:
 
 
 def _price_between(number: int, survey: _Survey) -> float:
-    """Return what it costs that two hubs are junctions, by the height of the arc between them."""
+    """Return what it costs that two hubs are junctions, by the height and length of the arc between them."""
     arc = survey.lines.arcs[number]
     ports, at = _list_ports(arc.hubs, (number,), survey)
-    return price_level(ports, at, arc.cells, survey.drawn, survey.on_table)
+    short = max(1.0 - survey.lengths[number] / _SHORT_ARC, 0.0)
+    return price_level(ports, at, arc.cells, survey.drawn, survey.on_table) + _SHORT_COST * short
 
 
 def _solve(

@@ -42,12 +42,14 @@ _APART = 0.9  # distance of strands that are apart, sums of their radii
 _FARTHEST = 10.0  # distance from a junction at which strands tell where they meet at most, radii
 _TELLING = 5.0  # length of the stretch that tells, radii
 _FEWEST = 4  # nodes of a stretch that tells a bend at least
+_TURN = 0.7  # radians: turn of a strand beyond where it tells, to a junction, that halves its weight
 _BEYOND = 4.0  # stretch beyond a junction's first place, radii
 _MAX_TIP = 6.0  # distance of a traced end from that of its curve at most, radii
 _MAX_MOVE = 15.0  # distance of a junction from the end of a curve that leads to it at most, radii
 _MAX_SHARE = 0.4  # of a curve's length that lies beyond a junction at most
 _SAMPLES = 100  # of a curve
 _SHIFTED = 4.0  # stretch at a junction that bends to the shared point, radii
+_LOST = 2.5  # length that a curve may lose between junctions, radii; at a free end its margin, too
 _ROUNDS = 3  # of finding a junction's place
 _SAME_END = 1.0  # distance of the end of points from that of the mask where the points count, radii
 
@@ -187,7 +189,7 @@ def _fit(
         # radii that the points do not support leave none on a tube
         fit = fit_curves(clouds, rough.curves, classes, rough.motions, start, config, uncertainty=True)
     final = beside.list_widths(fit.radii)
-    fit = beside.merge(fit, np.where(beside.flat, halves, final))
+    fit = _restore_lost(beside.merge(fit, np.where(beside.flat, halves, final)), curves, strands)
     parts = _cut(fit, strands)
     places, covariances, parts = _share_points(fit, parts, strands, places, held)
     closed = [strand.closed for strand in strands]
@@ -261,6 +263,19 @@ def _make_spline(strand: Strand, radius: float, config: Config) -> Array:
     )
 
 
+def _restore_lost(fit: TubeFit, curves: Sequence[Array], strands: Sequence[Strand]) -> TubeFit:
+    """Return a fit in which curves that lost much of their length are as they were before it.
+
+    Where a strand bends sharply between junctions, its curve may slide out of the bends.
+    """
+    kept = []
+    for number, (before, after, strand) in enumerate(zip(curves, fit.curves, strands, strict=True)):
+        lost = float(Curve.whole(before).length - Curve.whole(after).length) / fit.radius(number)
+        most = _LOST + ROPE_MARGIN * strand.ends.count(None)
+        kept.append(before if lost > most and not strand.closed else after)
+    return fit.replace(curves=kept)
+
+
 def _cut(fit: TubeFit, strands: Sequence[Strand]) -> list[Curve]:
     """Cut rings to one turn, and free ends to where points end, or the mask does if both are far apart."""
     parts = []
@@ -309,7 +324,8 @@ def _share_points(
                 nearest = int(np.linalg.norm(way[1:-1] - found[number], axis=1).argmin()) + 1
                 tangent = way[nearest + 1] - way[nearest - 1]
                 tangent = tangent / max(float(np.linalg.norm(tangent)), 1e-12)
-                across = np.eye(3) - np.outer(tangent, tangent)
+                trust = 1.0 / (1.0 + (_measure_turn(way[nearest - 1 :]) / _TURN) ** 4)
+                across = trust * (np.eye(3) - np.outer(tangent, tangent))
                 normal, right = normal + across, right + across @ way[nearest]
             found[number] = np.linalg.solve(normal, right)
         covariances[number] = np.linalg.inv(normal) * fit.sigma**2
@@ -353,6 +369,13 @@ def _continue_inward(outward: Sequence[Array], radii: Sequence[float], own: int)
     bent = np.polynomial.polynomial.polyfit(along[used] - origin, nodes[used], 2)
     s = np.linspace(-origin - _BEYOND * radius, 0.0, _SAMPLES)
     return np.asarray(np.polynomial.polynomial.polyval(s, bent).T)
+
+
+def _measure_turn(way: Array) -> float:
+    """Return the angle between the first and the last step of a way, radians."""
+    first, last = way[1] - way[0], way[-1] - way[-2]
+    lengths = max(float(np.linalg.norm(first) * np.linalg.norm(last)), 1e-18)
+    return float(np.arccos(np.clip(first @ last / lengths, -1.0, 1.0)))
 
 
 def _bend_to(chain: Chain, strand: Strand, places: Array) -> Chain:

@@ -7,12 +7,15 @@ from itertools import combinations
 
 import numpy as np
 
+import strand._core as _core
 from strand.reconstruction.harness.lines import Lines
 from strand.reconstruction.harness.ports import Port, measure_angle
 from strand.reconstruction.harness.surface_map import SurfaceMap
 from strand.support.checks import Array
 
-_MAX_OVERHANG = 6.0  # length of the end beyond the strand that it lies on at most, half widths
+_MAX_OVERHANG = 8.0  # length of the end beyond the strand that it lies on at most, half widths
+_BENDS = np.linspace(-0.25, 0.25, 11)  # curvatures of an end that lies on a strand, in its half widths
+_BESIDE = 1.2  # distance from the other strand's line where an end lies beside it, half widths
 _MAX_PARTING = np.radians(65.0)  # radians: angle of branches that part so slowly that the place moves
 _PARTED = 1.08  # half widths of an arc where it is alone, its own
 _MIN_SINE = 0.1  # of the angle between branches whose continuations meet somewhere
@@ -20,23 +23,32 @@ _MAX_BACK = 5.0  # distance of the place where they meet from the hub at most, h
 _MIN_NARROWING = 0.02  # slope of the half width at least
 
 
-def find_tip(port: Port, middle: Array, base: float | None, drawn: SurfaceMap) -> Array:
+def find_tip(port: Port, middle: Array, other: Array, base: float | None, drawn: SurfaceMap) -> Array:
     """Return where a strand ends that lies on another one, or under it.
 
-    On top it goes straight on while the surface is high over `base`, the other's height. Under it, where
-    `base` is None, it goes on to the edge of the mask.
+    On top it goes on, perhaps in an arc, while the surface is high over `base`, the height of the other,
+    whose cells (M, 2) are `other`. Beside the other, or under it, where `base` is None, it goes on to the
+    edge of the mask.
     """
     level = -np.inf if base is None else 0.5 * (port.near + base)
+    beside = (_BESIDE * float(np.median(drawn.sample_widths(other)))) ** 2
     # the hub lies beside the end's line, where the strands' middle lines meet
     along = -port.direction
     ahead = port.place + along * max(float((middle - port.place) @ along), 0.0)
-    tip = ahead
-    for steps in range(1, int(2.0 * _MAX_OVERHANG * port.half_width)):
-        place = ahead + 0.5 * steps * along
-        if not drawn.holds(place) or float(drawn.sample_heights(place[None])[0]) < level:
-            break
-        tip = place
-    return tip
+    steps = 0.5 * np.arange(int(2.0 * _MAX_OVERHANG * port.half_width))
+    side = np.array([-along[1], along[0]])
+    found = []
+    for bend in _BENDS / port.half_width:
+        # a parabola is near enough to an arc
+        places = ahead + steps[:, None] * along + 0.5 * bend * steps[:, None] ** 2 * side
+        heights = drawn.sample_heights(places)
+        away = _core.find_squared_distances(np.pad(places, ((0, 0), (0, 1))), np.pad(other, ((0, 0), (0, 1))))
+        gone = ~drawn.hold(places) | ((heights < level) & (away < beside))
+        count = max(int(np.argmax(np.append(gone[1:], True))), 1)
+        found.append((count, float(heights[:count].mean()), places[count - 1]))
+    longest = max(count for count, _, _ in found)
+    likely = [one for one in found if one[0] >= longest - 2.0 * port.half_width]
+    return np.asarray(max(likely, key=lambda one: one[1])[2])
 
 
 def find_parting(place: Array, own: Sequence[Port], lines: Lines, drawn: SurfaceMap) -> Array:

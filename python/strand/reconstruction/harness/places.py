@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from strand.reconstruction.harness.groups import Place, list_layouts
 from strand.reconstruction.harness.lines import End, Lines
 from strand.reconstruction.harness.parting import find_parting, find_tip
@@ -124,7 +126,10 @@ def collect_decisions(lines: Lines, drawn: SurfaceMap, places: Sequence[Place]) 
         if reading.laid is not None:
             port = group.ports[reading.laid]
             base = None if reading.under else reading.heights[0]
-            laid.append(LaidEnd(ends[reading.laid], find_tip(port, group.middle, base, drawn), reading.under))
+            ((some, other),) = reading.pairs
+            cells = [lines.arcs[arc].from_end(end) for arc, end in (ends[some], ends[other])]
+            tip = find_tip(port, group.middle, np.concatenate(cells), base, drawn)
+            laid.append(LaidEnd(ends[reading.laid], tip, reading.under))
         if reading.junction:
             own = [group.ports[port] for port in reading.junction]
             middle = lines.hubs[list(group.hubs)].mean(axis=0) if reading.place is None else reading.place

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import strand
-from strand.synthetic import Camera, camera_pose, harness
+from strand.synthetic import Camera, Noise, camera_pose, harness
 from strand.synthetic.rendering import render_depth
 
 CAMERA = Camera(size=(640, 480))
@@ -78,3 +78,9 @@ def test_views_along_a_table_make_no_edges_without_length(elevation):
     assert model.confidence < 0.9
     for edge in model.harness.edges:
         assert edge.length > 0.5 * edge.radius
+
+
+def test_a_loop_that_closes_at_its_junction_has_one_junction_of_four():
+    made = harness("loop", seed=1051007, views=7, noise=Noise(depth=0.00066))
+    graph = strand.reconstruct(made.views, sorted(set(made.radii)), made.bounds, branches=True).harness
+    assert sorted(node.degree for node in graph.nodes) == [1, 1, 4]

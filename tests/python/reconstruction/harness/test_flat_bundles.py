@@ -66,3 +66,11 @@ def test_radii_of_flat_and_round_strands_need_not_be_given():
     radii, deviations = np.sort([(edge.radius, edge.radius_sd) for edge in graph.edges], axis=0).T
     np.testing.assert_allclose(radii, np.sort(made.radii), rtol=0.05)
     assert (deviations > 0.01 * radii).all()
+
+
+def test_a_wire_that_lies_along_the_others_is_missed_with_a_doubt():
+    made = harness("tied", seed=1051006, views=3, noise=Noise(depth=0.00037))
+    model = strand.reconstruct(made.views, sorted(set(made.radii)), made.bounds, branches=True)
+    assert len(model.harness.edges) < len(made.edges)
+    assert any("do not add up" in doubt.reason for doubt in model.doubts)
+    assert model.confidence < 0.5

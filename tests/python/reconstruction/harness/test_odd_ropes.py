@@ -59,3 +59,24 @@ def test_tangles_of_ropes_in_one_low_view_have_no_junction(seed, noise):
     assert [node.degree for node in graph.nodes] == [1, 1, 1, 1]
     true = [np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in made.truth]
     assert sorted(edge.length for edge in graph.edges) == pytest.approx(sorted(true), rel=0.05)
+
+
+def test_an_end_that_lies_on_a_strand_in_a_bend_keeps_its_length():
+    made = harness("near", seed=1051017, views=7, noise=Noise(depth=0.00041))
+    graph = strand.reconstruct(made.views, sorted(set(made.radii)), made.bounds, branches=True).harness
+    true = sorted(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in made.truth)
+    assert sorted(edge.length for edge in graph.edges) == pytest.approx(true, rel=0.04)
+
+
+def test_a_strand_that_bends_sharply_between_junctions_keeps_its_length():
+    made = harness("cross", seed=1054045, views=7, noise=Noise(depth=0.00071))
+    graph = strand.reconstruct(made.views, sorted(set(made.radii)), made.bounds, branches=True).harness
+    degrees = [node.degree for node in graph.nodes]
+    (inner,) = [edge for edge in graph.edges if degrees[edge.start] > 1 and degrees[edge.stop] > 1]
+    ((number, _),) = [
+        (k, pair)
+        for k, pair in enumerate(made.edges)
+        if all(sum(node in other for other in made.edges) > 1 for node in pair)
+    ]
+    true = np.linalg.norm(np.diff(made.truth[number], axis=0), axis=1).sum()
+    assert inner.length == pytest.approx(true, rel=0.15)
