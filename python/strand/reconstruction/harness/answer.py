@@ -133,10 +133,12 @@ def _find_surest(scene: Scene, hints: Hints, run: Run) -> _Look:
         chains = describe_chains(found.chains, scene.extract.whole, list(poses))
         graph = make_graph(chains, harness.strands, harness.fitted.places, harness.fitted.covariances)
         certainty = judge(harness, graph, chains)
+        pieces = list(doubt_left_pieces(harness, graph, chains))
+        certainty = replace(certainty, doubts=[*certainty.doubts, *pieces])
         looks.append(_Look(harness, found, poses, pose_sd, chains, graph, certainty))
         # one view may be sure where a strand hides another
-        sure = _SURE[min(len(looks), 2) - 1]
-        if looks[-1].confidence >= sure and (len(looks) > 1 or len(scene.observed.views) > 1):
+        sure = looks[-1].confidence >= _SURE[min(len(looks), 2) - 1]
+        if (sure and (len(looks) > 1 or len(scene.observed.views) > 1)) or (harness.traced and not pieces):
             break
     best, *others = sorted(looks, key=lambda look: -look.confidence)
     reach = _SAME_PLACE * max(chain.radius for chain in best.chains)
@@ -144,8 +146,7 @@ def _find_surest(scene: Scene, hints: Hints, run: Run) -> _Look:
     doubts = [
         *(doubt_by_rival(best.confidence, rival) for rival in rivals),
         *doubt_grazing_views(best.harness.ground),
-        *doubt_left_pieces(best.harness, best.graph, best.chains),
-        *(doubt_dropped(scene.observed, best.chains) if best.harness.ground.table is None else ()),
+        *doubt_dropped(scene.observed, best.harness.ground, best.chains),
     ]
     certainty = replace(best.certainty, doubts=[*best.certainty.doubts, *doubts])
     return replace(best, certainty=certainty)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from strand.reconstruction.images.table_plane import find_table, find_table_besi
 from strand.reconstruction.stages import Observed
 from strand.support.checks import Array
 from strand.views.pose import moved
+from strand.views.view import cropped
 
 _MAX_POINTS = 20_000  # of a cloud in which a table is sought
 _FLOOR_HEIGHT = 0.5  # of points of the table at most, least radii
@@ -28,6 +29,8 @@ _MIN_POINTS = 10  # beyond the edge: fewer are outliers
 _BESIDE_BELOW = 3.0  # distance from these of a rope's other points there at most, greatest radii
 _BESIDE = 12  # pixels around the ropes in which points of the table are taken
 _FEW = 8  # neighbours within the least radius of points of a strand in the air at least
+_SPARE_REACH = 2.0  # radii in which spare points have as many neighbours, least radii
+_SAME = 1e-6  # distance of places of one point at most, metres
 _REGISTERED = 4000  # points of a view that are registered
 _REACH = 2.0  # distance of corresponding points at most, greatest radii
 _NEIGHBORS = 14  # that tell a normal
@@ -44,6 +47,9 @@ class Ground:
         Correction of each view's pose, in the world frame.
     given, clouds : list of (N, 3) ndarray
         The ropes' points of each view at reported and at corrected poses, metres.
+    spare : list of (N, 3) ndarray
+        Points of each view at its corrected pose that were dropped as outliers, but may be sparse points of
+        ropes, metres.
     viewpoints : (V, 3) ndarray
         The cameras' centres at corrected poses, metres.
     floor : (M, 3) ndarray
@@ -61,12 +67,24 @@ class Ground:
     motions: Array
     given: list[Array]
     clouds: list[Array]
+    spare: list[Array]
     viewpoints: Array
     floor: Array
     up: Array
     table: Plane | None
     tables: list[Plane | None]
     correlated: bool
+
+    def add(self, chosen: Sequence[NDArray[np.bool_]]) -> Ground:
+        """Return ground whose ropes have some of the spare points, too."""
+        more = [points[own] for points, own in zip(self.spare, chosen, strict=True)]
+        clouds = [np.concatenate(pair) for pair in zip(self.clouds, more, strict=True)]
+        back = [np.linalg.inv(motion) for motion in self.motions]
+        given = [
+            np.concatenate([cloud, moved(points, motion)])
+            for cloud, points, motion in zip(self.given, more, back, strict=True)
+        ]
+        return replace(self, given=given, clouds=clouds)
 
     @property
     def ways(self) -> Array:
@@ -113,6 +131,12 @@ def find_ground(observed: Observed, radii: tuple[float, float]) -> Ground:
     viewpoints = np.array(
         [moved(center[None], motion)[0] for center, motion in zip(viewpoints, motions, strict=True)]
     )
+    spare = [np.zeros((0, 3))] * len(clouds)
+    if table is not None:
+        spare = [
+            moved(_find_spare(observed, place, given[place], table, motion, radii[0]), motion)
+            for place, motion in enumerate(motions)
+        ]
     floor = np.zeros((0, 3))
     if table is not None:
         low, high = (
@@ -128,12 +152,24 @@ def find_ground(observed: Observed, radii: tuple[float, float]) -> Ground:
         floor = np.concatenate(seen)
     images = observed.images if all(view.image is not None for view in observed.whole) else []
     correlated = correlate_neighbors(images) > MIN_CORRELATION
-    return Ground(motions, given, clouds, viewpoints, floor, up, table, tables, correlated)
+    return Ground(motions, given, clouds, spare, viewpoints, floor, up, table, tables, correlated)
 
 
 def _drop_lonely(points: Array, radius: float) -> Array:
     """Return the points with a few others within a radius, metres."""
     return points[_core.count_neighbors(points, radius) >= _FEW]
+
+
+def _find_spare(
+    observed: Observed, place: int, given: Array, table: Plane, motion: Array, radius: float
+) -> Array:
+    """Return points of a view that are no outliers by their height and neighbours, but not among some."""
+    if observed.bounds is None:
+        return np.zeros((0, 3))
+    points = cropped([observed.whole[place]], observed.bounds)[0].world_points
+    points = points[table.measure_heights(moved(points, motion)) > radius]
+    points = points[_core.find_squared_distances(points, given) > _SAME**2]
+    return points[_core.count_neighbors(points, _SPARE_REACH * radius) >= _FEW]
 
 
 def _find_depth(around: Array, table: Plane, radius: float) -> float:

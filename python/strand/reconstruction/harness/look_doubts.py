@@ -81,15 +81,20 @@ def doubt_grazing_views(ground: Ground) -> Iterator[Doubt]:
         yield Doubt("view", _GRAZING_DOUBT * (1.0 - steepest / _GRAZING), "how strands meet", reason)
 
 
-def doubt_dropped(observed: Observed, chains: Sequence[Chain]) -> Iterator[Doubt]:
-    """Doubt a harness without a table if points that were dropped as outliers lie far from all strands.
+def doubt_dropped(observed: Observed, ground: Ground, chains: Sequence[Chain]) -> Iterator[Doubt]:
+    """Doubt a harness if points that were dropped as outliers lie far from all strands.
 
-    Where a strand runs along the rays, its points are as sparse as outliers.
+    Where a strand runs along the rays, its points are as sparse as outliers. Those of a table do not count.
     """
     lines = np.concatenate([chain.points for chain in chains])
     reach = _FAR * max(chain.radius for chain in chains)
-    points = np.concatenate([view.world_points for view in observed.whole])
-    far = _core.find_squared_distances(points, lines) > reach**2
-    if far.mean() > _DROPPED:
-        reason = f"{100.0 * far.mean():.1f} % of the points lie far from all strands, dropped as outliers"
-        yield Doubt("left out", _DROPPED_DOUBT * float(far.mean()), "where strands end", reason)
+    counted = ground.clouds
+    points = np.concatenate(ground.spare)
+    if ground.table is None:
+        counted = [view.world_points for view in observed.whole]
+        points = np.concatenate(counted)
+    far = np.count_nonzero(_core.find_squared_distances(points, lines) > reach**2)
+    share = far / sum(len(cloud) for cloud in counted)
+    if share > _DROPPED:
+        reason = f"{100.0 * share:.1f} % of the points lie far from all strands, dropped as outliers"
+        yield Doubt("left out", _DROPPED_DOUBT * share, "where strands end", reason)

@@ -139,6 +139,9 @@ def find_harnesses(
     first = _answer(above, by_tubes, asked)
     yield first
     if first.traced:
+        # ropes may leave a bridge between them unexplained
+        with contextlib.suppress(NotEnoughDataError):
+            yield _fit(above, None, asked)
         return
     toward = ground.ways.sum(axis=0)
     toward /= np.linalg.norm(toward)
@@ -220,7 +223,7 @@ def _look(ground: Ground, toward: Array, asked: _Asked) -> _Sight:
         places = _lift_junctions(decided, strands)
         strands = drop_collapsed(strands)
         beside = find_flat_bundles(strands, drawn, ground.table, asked.wire)
-        strands = follow_ends(strands, beside.flat, ground)
+        strands, ground = follow_ends(strands, beside.flat, ground)
     return _Sight(ground, drawn, lines, decided, strands, beside, places)
 
 

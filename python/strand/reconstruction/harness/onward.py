@@ -32,8 +32,10 @@ _ROUNDS = 2  # of a step, each across the way that the last one found
 _LONGER = 1.5  # half widths: shorter ways on are the end's own
 
 
-def follow_ends(strands: Sequence[Strand], flat: NDArray[np.bool_], ground: Ground) -> list[Strand]:
-    """Return strands whose free ends go on where points do that lie on no strand.
+def follow_ends(
+    strands: Sequence[Strand], flat: NDArray[np.bool_], ground: Ground
+) -> tuple[list[Strand], Ground]:
+    """Return strands whose free ends go on where points do that lie on no strand, and ground with these.
 
     Parameters
     ----------
@@ -42,10 +44,10 @@ def follow_ends(strands: Sequence[Strand], flat: NDArray[np.bool_], ground: Grou
         Strands in which wires lie side by side, which stay as they are.
     ground : Ground
     """
-    points = np.concatenate(ground.clouds)
-    to_camera = np.concatenate(
-        [center - cloud for cloud, center in zip(ground.clouds, ground.viewpoints, strict=True)]
-    )
+    clouds = [*ground.clouds, *ground.spare]
+    points = np.concatenate(clouds)
+    centers = np.concatenate([ground.viewpoints, ground.viewpoints])
+    to_camera = np.concatenate([center - cloud for cloud, center in zip(clouds, centers, strict=True)])
     to_camera /= np.linalg.norm(to_camera, axis=1, keepdims=True)
     free = np.ones((len(strands), len(points)), dtype=bool)
     for number, strand in enumerate(strands):
@@ -61,7 +63,18 @@ def follow_ends(strands: Sequence[Strand], flat: NDArray[np.bool_], ground: Grou
                     nodes = _follow(nodes[:: 1 if late else -1], own, strand.half_width)
                     nodes = nodes[:: 1 if late else -1]
         longer.append(replace(strand, nodes=nodes))
-    return longer
+    pairs = zip(longer, strands, strict=True)
+    grown = [strand for strand, before in pairs if len(strand.nodes) > len(before.nodes)]
+    return longer, ground.add([_claim(own, grown) for own in ground.spare]) if grown else ground
+
+
+def _claim(points: Array, strands: Sequence[Strand]) -> NDArray[np.bool_]:
+    """Tell which points (N, 3) lie on strands."""
+    claimed = np.zeros(len(points), dtype=bool)
+    for strand in strands:
+        away = _core.find_squared_distances(points, strand.nodes)
+        claimed |= away < (_SURFACE * strand.half_width) ** 2
+    return claimed
 
 
 @dataclass(frozen=True, eq=False)

@@ -84,3 +84,16 @@ def test_a_loop_that_closes_at_its_junction_has_one_junction_of_four():
     made = harness("loop", seed=1051007, views=7, noise=Noise(depth=0.00066))
     graph = strand.reconstruct(made.views, sorted(set(made.radii)), made.bounds, branches=True).harness
     assert sorted(node.degree for node in graph.nodes) == [1, 1, 4]
+
+
+@pytest.mark.parametrize("gap", [4.0, 6.0, 10.0])
+def test_a_bridge_between_two_ropes_is_no_sure_pair_of_ropes(gap):
+    along, half = np.linspace(-0.12, 0.12, 161), 0.5 * gap * R
+    aside = half + 0.0024 * np.sin(np.pi * np.abs(along) / 0.12)
+    lines = [np.column_stack([along, side * aside, np.full(161, R)]) for side in (-1.0, 1.0)]
+    bridge = np.column_stack([np.zeros(60), np.linspace(-half, half, 60), np.full(60, R)])
+    model = look([*lines, bridge], (0.0, 2.1, 4.2), 0.45)
+    joined = sorted(node.degree for node in model.harness.nodes) == [1, 1, 1, 1, 3, 3]
+    assert joined or model.confidence < 0.6
+    apart = look(lines, (0.0, 2.1, 4.2), 0.45)
+    assert [node.degree for node in apart.harness.nodes] == [1, 1, 1, 1]

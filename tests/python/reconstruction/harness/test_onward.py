@@ -35,18 +35,10 @@ def see_tube(line, rng, count=8000):
     return places + RADIUS * (np.cos(angle) * across + np.sin(angle) * ABOVE)
 
 
-def follow(points, strands):
-    ground = Ground(
-        np.eye(4)[None],
-        [points],
-        [points],
-        np.array([[0.0, 0.0, 5.0]]),
-        points[:0],
-        ABOVE,
-        None,
-        [None],
-        False,
-    )
+def follow(points, strands, spare=None):
+    camera, none = np.array([[0.0, 0.0, 5.0]]), points[:0]
+    spare = none if spare is None else spare
+    ground = Ground(np.eye(4)[None], [points], [points], [spare], camera, none, ABOVE, None, [None], False)
     return follow_ends(strands, np.zeros(len(strands), dtype=bool), ground)
 
 
@@ -56,16 +48,29 @@ def make_strand(nodes):
 
 def test_an_end_goes_on_along_a_bend_as_far_as_its_points():
     line = draw_arc(0.07)
-    (found,) = follow(see_tube(line, np.random.default_rng(1)), [make_strand(line[:70])])
+    (found,), _ = follow(see_tube(line, np.random.default_rng(1)), [make_strand(line[:70])])
     np.testing.assert_allclose(found.nodes[-1], line[-1], atol=RADIUS)
     np.testing.assert_allclose(found.nodes[0], line[0], atol=1e-12)
     gaps = np.linalg.norm(found.nodes[:, None] - line, axis=2).min(axis=1)
     assert gaps[:-1].max() < 0.3 * RADIUS
 
 
+def test_points_that_were_dropped_as_outliers_lead_on_and_count_then():
+    rng, line = np.random.default_rng(5), draw_arc(0.07)
+    points = see_tube(line, rng)
+    dropped = points[:, 0] > 0.02
+    aside = np.array([[0.03, 0.2, 0.0]]) + 0.001 * rng.normal(size=(50, 3))
+    spare = np.concatenate([points[dropped], aside])
+    (found,), ground = follow(points[~dropped], [make_strand(line[:70])], spare)
+    np.testing.assert_allclose(found.nodes[-1], line[-1], atol=RADIUS)
+    assert len(ground.clouds[0]) > 0.99 * len(points)
+    assert np.linalg.norm(ground.clouds[0][:, None] - aside[:1], axis=2).min() > 0.1
+    np.testing.assert_allclose(ground.given[0], ground.clouds[0], atol=1e-12)
+
+
 def test_an_end_where_points_end_stays_as_it_is():
     line = draw_arc(0.03)
-    (found,) = follow(see_tube(line, np.random.default_rng(2)), [make_strand(line)])
+    (found,), _ = follow(see_tube(line, np.random.default_rng(2)), [make_strand(line)])
     np.testing.assert_array_equal(found.nodes, line)
 
 
@@ -73,11 +78,11 @@ def test_an_end_does_not_go_on_along_another_strand_or_a_surface():
     rng = np.random.default_rng(3)
     line = draw_arc(0.07)
     other = make_strand(line[72:] + np.array([0.001, 0.0, 0.0]))
-    found, _ = follow(see_tube(line, rng), [make_strand(line[:70]), other])
+    (found, _), _ = follow(see_tube(line, rng), [make_strand(line[:70]), other])
     assert np.linalg.norm(found.nodes[-1] - line[69]) < 2.0 * RADIUS
     flat = np.column_stack([rng.uniform(0.0, 0.1, 9000), rng.uniform(-0.05, 0.05, 9000), np.zeros(9000)])
     points = np.concatenate([see_tube(line[:60], rng), flat])
-    (found,) = follow(points, [make_strand(line[:60])])
+    (found,), _ = follow(points, [make_strand(line[:60])])
     np.testing.assert_array_equal(found.nodes, line[:60])
 
 
@@ -86,6 +91,23 @@ def test_a_thin_branch_along_the_rays_of_a_low_view_is_whole():
     model = strand.reconstruct(made.views, sorted(set(made.radii)), made.bounds, branches=True)
     truth = sorted(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in made.truth)
     assert sorted(edge.length for edge in model.harness.edges) == pytest.approx(truth, rel=0.05)
+
+
+def test_a_rope_that_runs_away_from_a_low_camera_is_whole():
+    share = np.linspace(0.0, 1.0, 60)[:, None]
+    lines = []
+    for x, y, bend in ((-0.13, 0.01, 0.08), (0.13, -0.01, -0.08), (-0.004, 0.024, 0.05)):
+        plan = share * [x, y] + bend * np.sin(np.pi * share) * [y, -x]
+        lines.append(np.column_stack([plan, np.full(60, RADIUS)]))
+    camera, rng = Camera(size=(640, 480)), np.random.default_rng(0)
+    pose = camera_pose(0.0, 0.3, 0.5)
+    depth = render_depth(lines, [RADIUS] * 3, camera.intrinsics, pose, camera.size, 3.0)
+    depth[depth > 0.0] += 0.0008 * rng.normal(size=np.count_nonzero(depth > 0.0))
+    view = strand.View.from_depth(depth, camera.intrinsics, pose)
+    model = strand.reconstruct([view], RADIUS, ([-0.3, -0.3, 0.0024], [0.3, 0.3, 0.03]), branches=True)
+    # far along the rays, points are as sparse as outliers
+    lengths = sorted(edge.length for edge in model.harness.edges)
+    assert lengths == pytest.approx([0.0245, 0.1325, 0.1325], abs=0.008)
 
 
 def see_over_edge(drop, low):
