@@ -2,6 +2,7 @@
 
 use crate::clouds::depth::has_return;
 use crate::geometry::median::upper_median;
+use crate::simd::kernel;
 
 const MAX_PIXELS: usize = 4000; // pixels that the plane is fitted to at most
 const ROUNDS: usize = 6; // rounds of the plane's fit
@@ -73,20 +74,67 @@ impl Relief {
         Some(Self { plane, middle, low: corner, cell, size, rest: fill(rest, size), least })
     }
 
+    /// Returns the cells before and after a column or a row of the image, and the second one's weight.
+    #[inline(always)]
+    fn between(&self, x: f64, axis: usize) -> (usize, usize, f64) {
+        let last = self.size[axis] - 1;
+        let t = ((x - self.low[axis]) / self.cell - 0.5).clamp(0.0, last as f64);
+        let first = (t as usize).min(last.saturating_sub(1));
+        (first, (first + 1).min(last), t - first as f64)
+    }
+
+    /// Returns the residual at a column in a row of cells.
+    #[inline(always)]
+    fn rest_across(&self, row: usize, (first, second, share): (usize, usize, f64)) -> f64 {
+        let rests = &self.rest[row * self.size[0]..];
+        (1.0 - share) * rests[first] + share * rests[second]
+    }
+
     /// Returns the depth of the ropes' surface at a place, metres.
     pub fn depth(&self, [u, v]: [f64; 2]) -> f64 {
-        let at = |x: f64, c: usize| {
-            let t = ((x - self.low[c]) / self.cell - 0.5).clamp(0.0, (self.size[c] - 1) as f64);
-            let i = (t as usize).min(self.size[c].saturating_sub(2));
-            (i, (i + 1).min(self.size[c] - 1), t - i as f64)
-        };
-        let ((i, k, a), (j, l, b)) = (at(u, 0), at(v, 1));
-        let rest = |i: usize, j: usize| self.rest[j * self.size[0] + i];
-        let above = (1.0 - a) * rest(i, j) + a * rest(k, j);
-        let below = (1.0 - a) * rest(i, l) + a * rest(k, l);
-        let plane =
-            self.plane[0] * (u - self.middle[0]) + self.plane[1] * (v - self.middle[1]) + self.plane[2];
-        1.0 / (plane + (1.0 - b) * above + b * below).max(self.least)
+        let (across, (above, below, share)) = (self.between(u, 0), self.between(v, 1));
+        let rests = [above, below].map(|row| self.rest_across(row, across));
+        self.surface(self.plane[0] * (u - self.middle[0]), self.plane[1] * (v - self.middle[1]), rests, share)
+    }
+
+    /// Returns the depth where the plane rises by some nearness along the columns and rows, between two residuals.
+    #[inline(always)]
+    fn surface(&self, across: f64, down: f64, [above, below]: [f64; 2], share: f64) -> f64 {
+        let plane = across + down + self.plane[2];
+        1.0 / (plane + (1.0 - share) * above + share * below).max(self.least)
+    }
+
+    /// Returns the same at all places of some columns and rows of the image, row by row.
+    pub fn depths(&self, columns: &[usize], rows: &[usize]) -> Vec<f64> {
+        let places: Vec<_> = columns.iter().map(|&x| self.between(x as f64, 0)).collect();
+        let wide: Vec<Vec<f64>> = (0..self.size[1])
+            .map(|row| places.iter().map(|&across| self.rest_across(row, across)).collect())
+            .collect();
+        let rises: Vec<f64> = columns.iter().map(|&x| self.plane[0] * (x as f64 - self.middle[0])).collect();
+        let mut found = vec![0.0; columns.len() * rows.len()];
+        for (to, &y) in found.chunks_exact_mut(columns.len().max(1)).zip(rows) {
+            let (above, below, share) = self.between(y as f64, 1);
+            let down = self.plane[1] * (y as f64 - self.middle[1]);
+            fill_row(self, &rises, down, [&wide[above], &wide[below]], share, to);
+        }
+        found
+    }
+}
+
+kernel! {
+    /// Fills the depths of the ropes' surface in a row, see [`Relief::surface`].
+    fn fill_row<S>(
+        _,
+        relief: &Relief,
+        rises: &[f64],
+        down: f64,
+        rests: [&[f64]; 2],
+        share: f64,
+        to: &mut [f64],
+    ) {
+        for (((to, &rise), &above), &below) in to.iter_mut().zip(rises).zip(rests[0]).zip(rests[1]) {
+            *to = relief.surface(rise, down, [above, below], share);
+        }
     }
 }
 

@@ -10,6 +10,7 @@ use crate::images::image::{Image, smoothing_kernel};
 use crate::images::strokes::{Filled, Strokes, find_scale, measure_shown_radius};
 use crate::images::surroundings::{Ropes, Shown, Surroundings};
 use crate::parallel;
+use crate::simd::kernel;
 
 /// A place on the edge of a mask.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,11 +45,7 @@ fn measure_signed(filled: &Filled, reach: usize) -> [Field; 2] {
         let mut outside = vec![0.0; band.len() * w];
         inner.measure(k, &mut signed);
         outer.measure(k, &mut outside);
-        for (value, outside) in signed.iter_mut().zip(outside) {
-            // the edge runs between the pixels
-            let inner = (*value - 0.5).max(0.0) / scale;
-            *value = if inner > 0.0 { inner } else { (0.5 - outside) / scale };
-        }
+        join_sides(&mut signed, &outside, scale);
         let (first, more) = (rows.start - band.start, (rows.end + 1).min(h) - rows.start);
         let signed = Image { width: w, height: band.len(), values: signed };
         let mut smooth = vec![0.0; more * w];
@@ -59,6 +56,17 @@ fn measure_signed(filled: &Filled, reach: usize) -> [Field; 2] {
     });
     let (signed, smooth): (Vec<Tiles>, Vec<Tiles>) = tiles.into_iter().map(|[a, b]| (a, b)).unzip();
     [signed, smooth].map(|tiles| Field::new([w, h], tiles, least))
+}
+
+kernel! {
+    /// Turns the distances of a magnified mask's pixels from others into signed ones, original pixels.
+    fn join_sides<S>(_, inside: &mut [f32], outside: &[f32], scale: f32) {
+        for (value, outside) in inside.iter_mut().zip(outside) {
+            // the edge runs between the pixels
+            let inner = (*value - 0.5).max(0.0) / scale;
+            *value = if inner > 0.0 { inner } else { (0.5 - outside) / scale };
+        }
+    }
 }
 
 /// A mask with the distances from its edge. Columns and rows are those of the original image.
@@ -115,16 +123,16 @@ impl Silhouette {
             ragged: filled.ragged,
             surroundings: None,
         };
-        let mut mask = vec![false; w * h];
-        parallel::rows(&mut mask, w, |first, part| {
+        let mut away = Image::filled(w, h, 0.0);
+        parallel::rows(&mut away.values, w, |first, part| {
             for (row, y) in part.chunks_exact_mut(w).zip(first..) {
-                for (inside, x) in row.iter_mut().zip(0..) {
-                    *inside = made.pixel_distance(x, y) > 0.0;
+                for (away, x) in row.iter_mut().zip(0..) {
+                    *away = made.pixel_distance(x, y);
                 }
             }
         });
-        made.mask.values = mask;
-        made.find_boundary(w, h);
+        made.mask.values = away.values.iter().map(|&away| away > 0.0).collect();
+        made.find_boundary(&away);
         Some(made)
     }
 
@@ -165,14 +173,14 @@ impl Silhouette {
         }
     }
 
-    /// Projects the pixels near the edge onto it: one for each pixel of edge, or for each third of the radius of a
+    /// Projects the pixels near the edge, from which they are `away`, onto it: one for each pixel of edge, or for each third of the radius of a
     /// thicker rope.
-    fn find_boundary(&mut self, w: usize, h: usize) {
+    fn find_boundary(&mut self, away: &Image<f64>) {
         let step = ((self.radius_px / 3.0).round() as usize).max(1);
         let near = 0.5 * step as f64;
-        for y in (0..h).step_by(step) {
-            for x in (0..w).step_by(step) {
-                let away = self.pixel_distance(x, y);
+        for y in (0..away.height).step_by(step) {
+            for x in (0..away.width).step_by(step) {
+                let away = away.at(x, y);
                 if away.abs() > near {
                     continue;
                 }
@@ -203,6 +211,9 @@ impl Silhouette {
         let (first, last) = ((self.strokes.scale - 1) / 2, self.strokes.scale / 2);
         let (i, j) = (x * self.strokes.scale, y * self.strokes.scale);
         let at = |x: usize, y: usize| f64::from(self.signed.at(i + x, j + y));
+        if first == last {
+            return at(first, first);
+        }
         0.25 * (at(first, first) + at(last, first) + at(first, last) + at(last, last))
     }
 

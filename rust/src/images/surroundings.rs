@@ -145,13 +145,10 @@ impl Surroundings {
     pub fn new(depth: &[f64], mask: &[bool], width: usize, ropes: &Ropes<'_>, radius: f64) -> Option<Self> {
         let &Ropes { mask: own, corner, radius_px } = ropes;
         let frame = [own.width, own.height];
+        let first = corner.map(|c| c as isize);
         let inside = |x: usize, y: usize| {
-            let [i, j] = [x as f64 - corner[0], y as f64 - corner[1]];
-            i >= 0.0
-                && j >= 0.0
-                && i < frame[0] as f64
-                && j < frame[1] as f64
-                && own.at(i as usize, j as usize)
+            let (i, j) = (x.wrapping_add_signed(-first[0]), y.wrapping_add_signed(-first[1]));
+            i < frame[0] && j < frame[1] && own.at(i, j)
         };
         let (reach, size) = (RANGE * radius_px, [width, depth.len() / width.max(1)]);
         let low = corner.map(|c| (c - reach).max(0.0) as usize);
@@ -160,20 +157,21 @@ impl Surroundings {
         let relief = Relief::new(depth, width, on_rope, low, high, radius_px)?;
         let cell = (CELL * radius_px).round().max(1.0);
         let step = cell as usize;
-        let [w, h] = [0, 1].map(|c| (high[c] - low[c]).div_ceil(step));
-        let pixels: Vec<[usize; 2]> = (0..w * h)
-            .map(|k| [k % w, k / w])
-            .map(|at| [0, 1].map(|c| (low[c] + at[c] * step + step / 2).min(high[c] - 1)))
-            .collect();
-        let ahead: Vec<f64> = pixels
-            .iter()
-            .map(|&[x, y]| {
+        let places = [0, 1].map(|c| -> Vec<usize> {
+            (low[c]..high[c]).step_by(step).map(|from| (from + step / 2).min(high[c] - 1)).collect()
+        });
+        let [columns, rows] = &places;
+        let (w, h) = (columns.len(), rows.len());
+        let mut ahead = relief.depths(columns, rows);
+        let mut rope = Image::filled(w, h, false);
+        for (n, &y) in rows.iter().enumerate() {
+            let own = ahead[n * w..].iter_mut().zip(&mut rope.values[n * w..]);
+            for ((ahead, rope), &x) in own.zip(columns) {
                 let z = depth[y * width + x];
-                let ahead = (relief.depth([x as f64, y as f64]) - z) / radius;
-                if has_return(z) { ahead } else { f64::NAN }
-            })
-            .collect();
-        let rope = Image { width: w, height: h, values: pixels.iter().map(|&[x, y]| inside(x, y)).collect() };
+                *ahead = if has_return(z) { (*ahead - z) / radius } else { f64::NAN };
+                *rope = inside(x, y);
+            }
+        }
         // distance from the mask, image radii
         let mut away = measure_distances(&rope, false, (BESIDE[1] * radius_px / cell) as usize + 2);
         away.values.iter_mut().for_each(|far| *far *= (cell / radius_px) as f32);

@@ -1,6 +1,7 @@
 //! Thinning of masks to lines one pixel wide, 64 pixels at a time.
 
 use crate::images::image::Image;
+use crate::simd::kernel;
 
 const WORD_PIXELS: usize = u64::BITS as usize; // pixels of a word
 
@@ -46,90 +47,38 @@ impl Bits {
     }
 
     /// Returns which neighbours of a word's pixels are set, clockwise from above.
-    #[inline(always)]
     fn around(&self, word: usize) -> [u64; 8] {
-        let row = |word: usize| {
-            let own = self.words[word];
-            let west = own << 1 | self.words[word - 1] >> (WORD_PIXELS - 1);
-            let east = own >> 1 | self.words[word + 1] << (WORD_PIXELS - 1);
-            [west, own, east]
-        };
-        let [[nw, n, ne], [w, _, e], [sw, s, se]] =
-            [row(word - self.stride), row(word), row(word + self.stride)];
-        [n, ne, e, se, s, sw, w, nw]
-    }
-
-    /// Returns a word and the words around it.
-    fn near(&self, word: usize) -> impl Iterator<Item = usize> {
-        let stride = self.stride;
-        [word - stride, word, word + stride].into_iter().flat_map(|word| word - 1..word + 2)
-    }
-
-    /// Returns which pixels of a word may be removed in the first or the second half of a round.
-    fn removable(&self, word: usize, second: bool) -> u64 {
-        let p = self.around(word);
-        // from an empty neighbour to a set one: once, and more than once
-        let (mut once, mut again) = (0, 0);
-        // pairs of adjacent neighbours that are both set, and both empty: if the empty ones are connected, two to six
-        // neighbours are set
-        let (mut set, mut empty) = (0, 0);
-        for i in 0..8 {
-            let (a, b) = (p[i], p[(i + 1) % 8]);
-            let rises = !a & b;
-            again |= once & rises;
-            once |= rises;
-            set |= a & b;
-            empty |= !(a | b);
-        }
-        let [n, _, e, _, s, _, w, _] = p;
-        let side = if second { n & w & (e | s) } else { e & s & (n | w) };
-        self.words[word] & once & !again & set & empty & !side
-    }
-
-    /// Returns the same by the rules of Guo and Hall, which keep diagonals whole.
-    fn removable_whole(&self, word: usize, second: bool) -> u64 {
-        let [n, ne, e, se, s, sw, w, nw] = self.around(word);
-        let two_of = |[a, b, c, d]: [u64; 4]| a & b | c & d | (a | b) & (c | d);
-        let rises = [!n & (ne | e), !e & (se | s), !s & (sw | w), !w & (nw | n)];
-        let once = rises.into_iter().fold(0, |sum, rise| sum | rise) & !two_of(rises);
-        let (some, others) = ([nw | n, ne | e, se | s, sw | w], [n | ne, e | se, s | sw, w | nw]);
-        let full = some.into_iter().chain(others).fold(u64::MAX, |all, pair| all & pair);
-        let side = if second { (s | sw | !nw) & w } else { (n | ne | !se) & e };
-        self.words[word] & once & two_of(some) & two_of(others) & !full & !side
+        let row = |word: usize| [self.words[word - 1], self.words[word], self.words[word + 1]];
+        around([row(word - self.stride), row(word), row(word + self.stride)])
     }
 
     /// Removes pixels until none can be removed; with `whole`, diagonals keep their length.
     fn thin(&mut self, whole: bool) {
-        // words whose surroundings changed since the last half round of this kind
-        let mut open: Vec<usize> = (0..self.words.len()).filter(|&k| self.words[k] != 0).collect();
-        let mut listed = vec![0; self.words.len()];
-        let (mut before, mut changed) = (open.clone(), Vec::new());
-        for half in 1.. {
-            let second = half % 2 == 0;
-            let removable = |&word: &usize| {
-                if whole { self.removable_whole(word, second) } else { self.removable(word, second) }
-            };
-            let gone: Vec<u64> = open.iter().map(removable).collect();
-            changed.clear();
-            for (&word, gone) in open.iter().zip(gone) {
-                if gone != 0 {
-                    self.words[word] &= !gone;
-                    changed.push(word);
-                }
-            }
-            if before.is_empty() && changed.is_empty() {
+        let height = (self.words.len() - 2) / self.stride.max(1);
+        let mut gone = vec![0; self.words.len()];
+        // whether rows changed in this half round and in the one before
+        let mut changed = vec![[true; 2]; height];
+        for half in 0.. {
+            // rows whose surroundings changed since the last half round of this kind
+            let open: Vec<usize> = (1..height.saturating_sub(1))
+                .filter(|&row| changed[row - 1..row + 2].as_flattened().contains(&true))
+                .collect();
+            if open.is_empty() {
                 return;
             }
-            open.clear();
-            for &word in before.iter().chain(&changed) {
-                for near in self.near(word) {
-                    if self.words[near] != 0 && listed[near] != half {
-                        listed[near] = half;
-                        open.push(near);
-                    }
+            changed.iter_mut().for_each(|changed| *changed = [false, changed[0]]);
+            for &row in &open {
+                let words = 1 + row * self.stride..1 + (row + 1) * self.stride;
+                let to = &mut gone[words.clone()];
+                find_removable(&self.words, words.start, self.stride, half % 2 == 1, whole, to);
+            }
+            for &row in &open {
+                let words = 1 + row * self.stride..1 + (row + 1) * self.stride;
+                for (word, gone) in self.words[words.clone()].iter_mut().zip(&gone[words]) {
+                    changed[row][0] |= *gone != 0;
+                    *word &= !gone;
                 }
             }
-            std::mem::swap(&mut before, &mut changed);
         }
     }
 
@@ -162,6 +111,82 @@ impl Bits {
             if p.iter().filter(|&&set| set).count() >= 2 && is_simple(&p) {
                 self.set(k, false);
             }
+        }
+    }
+}
+
+/// Returns which neighbours of a word's pixels are set, clockwise from above, given three words of three rows.
+#[inline(always)]
+fn around([above, row, below]: [[u64; 3]; 3]) -> [u64; 8] {
+    let ([nw, n, ne], [w, _, e], [sw, s, se]) = (beside(above), beside(row), beside(below));
+    [n, ne, e, se, s, sw, w, nw]
+}
+
+/// Returns the left neighbours of the middle of three words' pixels, these, and their right neighbours.
+#[inline(always)]
+fn beside([before, own, after]: [u64; 3]) -> [u64; 3] {
+    [own << 1 | before >> (WORD_PIXELS - 1), own, own >> 1 | after << (WORD_PIXELS - 1)]
+}
+
+/// Returns which pixels may be removed in the first or the second half of a round, given their neighbours.
+#[inline(always)]
+fn removable(p: [u64; 8], second: bool) -> u64 {
+    // from an empty neighbour to a set one: once, and more than once
+    let (mut once, mut again) = (0, 0);
+    // pairs of adjacent neighbours that are both set, and both empty: if the empty ones are connected, two to six
+    // neighbours are set
+    let (mut set, mut empty) = (0, 0);
+    for i in 0..8 {
+        let (a, b) = (p[i], p[(i + 1) % 8]);
+        let rises = !a & b;
+        again |= once & rises;
+        once |= rises;
+        set |= a & b;
+        empty |= !(a | b);
+    }
+    let [n, _, e, _, s, _, w, _] = p;
+    let side = if second { n & w & (e | s) } else { e & s & (n | w) };
+    once & !again & set & empty & !side
+}
+
+/// Returns the same by the rules of Guo and Hall, which keep diagonals whole.
+#[inline(always)]
+fn removable_whole([n, ne, e, se, s, sw, w, nw]: [u64; 8], second: bool) -> u64 {
+    let rises = [!n & (ne | e), !e & (se | s), !s & (sw | w), !w & (nw | n)];
+    let once = (rises[0] | rises[1] | rises[2] | rises[3]) & !two_of(rises);
+    let (some, others) = ([nw | n, ne | e, se | s, sw | w], [n | ne, e | se, s | sw, w | nw]);
+    let full = some[0] & some[1] & some[2] & some[3] & others[0] & others[1] & others[2] & others[3];
+    let side = if second { (s | sw | !nw) & w } else { (n | ne | !se) & e };
+    once & two_of(some) & two_of(others) & !full & !side
+}
+
+/// Returns which pixels are set in two of four masks at least.
+#[inline(always)]
+fn two_of([a, b, c, d]: [u64; 4]) -> u64 {
+    a & b | c & d | (a | b) & (c | d)
+}
+
+kernel! {
+    /// Fills which pixels of a row of words, from word `first` on, may be removed.
+    fn find_removable<S>(
+        _,
+        words: &[u64],
+        first: usize,
+        stride: usize,
+        second: bool,
+        whole: bool,
+        to: &mut [u64],
+    ) {
+        let count = to.len();
+        let row = |first: usize| &words[first - 1..][..count + 2];
+        let rows = [row(first - stride), row(first), row(first + stride)];
+        for (k, to) in to.iter_mut().enumerate() {
+            let near = around([
+                [rows[0][k], rows[0][k + 1], rows[0][k + 2]],
+                [rows[1][k], rows[1][k + 1], rows[1][k + 2]],
+                [rows[2][k], rows[2][k + 1], rows[2][k + 2]],
+            ]);
+            *to = rows[1][k + 1] & if whole { removable_whole(near, second) } else { removable(near, second) };
         }
     }
 }

@@ -47,17 +47,16 @@ impl Medians {
             .flat_map(|b| (-whole..=whole).map(move |a| [a, b]))
             .filter(|[a, b]| ((a * a + b * b) as f64) <= reach * reach)
             .collect();
-        let corner = origin.map(|c| c as i64);
+        let [left, top] = origin.map(|c| c as isize);
         let mut returns = vec![0.0f32; frame[0] * frame[1]];
-        for y in 0..frame[1] {
-            for x in 0..frame[0] {
-                let (u, v) = (corner[0] + x as i64, corner[1] + y as i64);
-                if u >= 0 && v >= 0 && (u as usize) < width && (v as usize) < height {
-                    let i = v as usize * width + u as usize;
-                    if (mask[i] || silhouette.mask.at(x, y)) && has_return(depth[i]) {
-                        returns[y * frame[0] + x] = depth[i] as f32;
-                    }
-                }
+        // the part of the frame that is in the image
+        let columns = left.min(0).unsigned_abs()..frame[0].min(width.saturating_add_signed(-left));
+        for y in top.min(0).unsigned_abs()..frame[1].min(height.saturating_add_signed(-top)) {
+            let from = y.wrapping_add_signed(top) * width + columns.start.wrapping_add_signed(left);
+            let own = y * frame[0] + columns.start..y * frame[0] + columns.end;
+            let pixels = depth[from..].iter().zip(&mask[from..]).zip(&silhouette.mask.values[own.clone()]);
+            for (to, ((&z, &mask), &inside)) in returns[own].iter_mut().zip(pixels) {
+                *to = if (mask | inside) & has_return(z) { z as f32 } else { 0.0 };
             }
         }
         let known = (0..size[0] * size[1]).map(|_| AtomicU32::new(0)).collect();
