@@ -14,13 +14,15 @@ __all__ = [
     "convolved", "copy_constant", "copy_depth", "count_cores", "count_mask_parts", "count_neighbors",
     "count_neighbors_each", "count_typical_neighbors", "count_voxels", "crop_images", "crop_points",
     "draw_knot", "draw_ropes", "end_direction", "estimate_normals", "estimate_normals_each", "estimate_radii",
-    "evaluate_spline", "find_color_pieces", "find_crossed_segments", "find_extents", "find_fullest_plane",
-    "find_linking_number", "find_nearest", "find_order_probability", "find_overlaps", "find_short_outlines",
-    "find_squared_distances", "find_standing", "fit_spline", "fit_tubes", "icp", "identify_knot",
-    "measure_behind", "measure_bending", "measure_depth_bends", "measure_edge_distances", "measure_heights",
-    "measure_variances", "num_threads", "number_blobs", "occludes", "path_length", "price_join",
-    "radius_outlier_mask", "register_in_turn", "set_num_threads", "straighten", "tabulate_arc_length",
-    "trace_chains", "trace_skeleton", "trace_tubes", "track_frame", "unproject",
+    "evaluate_spline", "find_color_pieces", "find_crossed_segments", "find_extents", "find_linking_number",
+    "find_median", "find_nearest", "find_order_probability", "find_overlaps", "find_plane",
+    "find_short_outlines", "find_squared_distances", "find_standing", "find_strip_middles", "find_tabletop",
+    "find_values_near", "fit_spline", "fit_tubes", "icp", "identify_knot", "measure_behind",
+    "measure_bending", "measure_depth_bends", "measure_edge_distances", "measure_heights",
+    "measure_linear_scatter", "measure_plane_errors", "measure_variances", "num_threads", "number_blobs",
+    "occludes", "path_length", "price_join", "radius_outlier_mask", "register_in_turn", "set_num_threads",
+    "straighten", "tabulate_arc_length", "trace_chains", "trace_skeleton", "trace_tubes", "track_frame",
+    "unproject",
 ]
 # fmt: on
 
@@ -401,7 +403,24 @@ def find_standing(
     edge: float,
     share: float,
 ) -> _Bools: ...
-def find_fullest_plane(normals: ArrayLike, offsets: ArrayLike, points: ArrayLike, width: float) -> int: ...
+def find_plane(
+    points: ArrayLike,
+    compared: ArrayLike,
+    corners: ArrayLike,
+    width: float,
+    least: tuple[float, float],
+    share: float,
+    rounds: SupportsIndex,
+    fewest: SupportsIndex,
+    adaptive: tuple[float, float] | None,
+) -> tuple[_Floats, float, float] | None: ...
+def measure_plane_errors(depth: _Floats, near: float) -> _Floats: ...
+def find_median(values: ArrayLike) -> float: ...
+def find_values_near(values: ArrayLike, at: float, count: SupportsIndex) -> _Floats: ...
+def measure_linear_scatter(places: ArrayLike, values: ArrayLike, scales: ArrayLike) -> float: ...
+def find_tabletop(
+    depth: _Floats, camera: _Camera, pose: ArrayLike, plane: _Plane, distance: float
+) -> tuple[_Floats, _Bools]: ...
 def draw_ropes(
     lab: NDArray[np.float32],
     rough: _Bools,
@@ -411,6 +430,7 @@ def draw_ropes(
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]: ...
 def count_mask_parts(mask: _Bools, piece: float, hole: float) -> tuple[int, int, int]: ...
 def number_blobs(mask: _Bools) -> _Ints: ...
+def find_strip_middles(mask: _Bools, least: float) -> tuple[_Ints, NDArray[np.float32], _Ints]: ...
 def measure_edge_distances(mask: _Bools, most: SupportsIndex) -> NDArray[np.float32]: ...
 def find_short_outlines(
     evidence: NDArray[np.float32], weights: Sequence[float], steps: SupportsIndex

@@ -5,6 +5,7 @@ pub mod banded;
 pub mod boxes;
 pub mod bridge;
 mod eigen;
+pub mod linear;
 pub mod median;
 mod moments;
 mod motion;

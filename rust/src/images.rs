@@ -12,13 +12,16 @@ pub mod imagefit;
 pub mod mending;
 pub mod outline;
 pub mod parts;
+pub mod plane_windows;
 pub mod planes;
 pub mod readings;
 mod relief;
 pub mod rope_mask;
 pub mod silhouette;
+pub mod strips;
 pub mod strokes;
 pub mod surroundings;
+pub mod tabletop;
 #[cfg(test)]
 mod tests;
 pub mod thinning;

@@ -13,6 +13,7 @@ from strand.support.lazy import lazy_property
 from strand.views.pinhole import Pinhole, Pixels
 from strand.views.pose import moved
 
+_MIN_STRIP = 1.5  # pixels from a strip's middle to its edge
 _NEAREST = 1e-3  # metres from the camera: occluders count as this near, so that they hide all behind
 
 
@@ -75,7 +76,7 @@ class DepthImage:
     def distance(self) -> float:
         """The median depth of the ropes' pixels, metres; NaN if none has depth."""
         depths = self.mask_depths[self.mask_depths > 0]
-        return float(np.median(depths)) if len(depths) else float("nan")
+        return _core.find_median(depths) if len(depths) else float("nan")
 
     @lazy_property
     def rope_mask(self) -> _core.RopeMask:
@@ -86,6 +87,11 @@ class DepthImage:
     def mask_radius(self) -> float | None:
         """The ropes' radius in the image by the widths of the mask, pixels; None if it shows no rope."""
         return self.rope_mask.estimate_radius()
+
+    @lazy_property
+    def strip_middles(self) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.int64]]:
+        """The middles of the mask's strips, as `find_strip_middles` of the core returns them."""
+        return _core.find_strip_middles(self.mask, _MIN_STRIP)
 
     def frame_mask(self, margin: int) -> tuple[slice, slice]:
         """Return the rows and columns at most `margin` pixels around the mask, which is not empty."""

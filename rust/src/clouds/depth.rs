@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use crate::error::{Error, Result};
 use crate::geometry::median::median;
 use crate::geometry::{Point, RigidMotion};
+use crate::simd::kernel;
 
 /// A pinhole camera. All numbers are pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,12 +41,9 @@ pub(crate) fn has_return(z: f64) -> bool {
 pub(crate) fn cleaned(mut depth: Vec<f64>, farthest: f64) -> Result<(Vec<f64>, usize)> {
     let (mut dropped, mut outside) = (0, false);
     for part in depth.chunks_mut(1024) {
-        dropped += part.iter().filter(|z| !z.is_finite()).count();
-        // infinities are dropped
-        outside |= part.iter().fold(false, |out, &z| out | (((z < 0.0) | (z > farthest)) & z.is_finite()));
-        for z in part {
-            *z = if z.is_finite() { *z } else { 0.0 };
-        }
+        let (lost, out) = clean(part, farthest);
+        dropped += lost;
+        outside |= out;
     }
     if outside {
         let reason = format!("expected depths from 0 to {farthest:.3e}, where points are finite");
@@ -55,6 +53,45 @@ pub(crate) fn cleaned(mut depth: Vec<f64>, farthest: f64) -> Result<(Vec<f64>, u
         });
     }
     Ok((depth, dropped))
+}
+
+kernel! {
+    /// Replaces depths that are not finite by 0; returns how many these were, and whether others are out of range.
+    fn clean<S>(_, depth: &mut [f64], farthest: f64) -> (usize, bool) {
+        let (mut lost, mut outside) = (0u64, 0u64);
+        for z in depth {
+            let finite = z.is_finite();
+            lost += u64::from(!finite);
+            outside |= u64::from(finite & ((*z < 0.0) | (*z > farthest)));
+            *z = if finite { *z } else { 0.0 };
+        }
+        (lost as usize, outside != 0)
+    }
+}
+
+/// Returns the `count` largest different values below a number, and the `count` smallest of the others, ascending.
+pub(crate) fn find_values_near(values: &[f64], at: f64, count: usize) -> Vec<f64> {
+    let (mut below, mut above): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
+    for &value in values.iter().filter(|value| count > 0 && !value.is_nan()) {
+        if value >= at {
+            if above.len() < count || value < above[count - 1] {
+                let place = above.partition_point(|&other| other < value);
+                if above.get(place) != Some(&value) {
+                    above.insert(place, value);
+                    above.truncate(count);
+                }
+            }
+        } else if below.len() < count || value > below[count - 1] {
+            let place = below.partition_point(|&other| other > value);
+            if below.get(place) != Some(&value) {
+                below.insert(place, value);
+                below.truncate(count);
+            }
+        }
+    }
+    below.reverse();
+    below.extend(above);
+    below
 }
 
 /// Returns the points of a depth image's pixels inside a mask, as [`unproject`] does.
@@ -136,6 +173,15 @@ pub(crate) fn bends(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn values_near_a_number_are_different_and_ascend() {
+        let values = [5.0, 3.0, f64::NAN, 1.0, 3.0, 2.0, 8.0, 6.0, 5.0, 7.0, 4.0];
+        assert_eq!(find_values_near(&values, 5.0, 2), [3.0, 4.0, 5.0, 6.0]);
+        assert_eq!(find_values_near(&values, 2.5, 3), [1.0, 2.0, 3.0, 4.0, 5.0]);
+        assert_eq!(find_values_near(&values, f64::NAN, 2), [7.0, 8.0]);
+        assert!(find_values_near(&values, 5.0, 0).is_empty());
+    }
 
     #[test]
     fn pixels_without_a_return_make_no_points() {

@@ -10,7 +10,7 @@ use crate::images::color::lab::convert_to_lab;
 use crate::images::color::pieces::find_pieces;
 use crate::images::color::strips::{StripOptions, find_strips};
 use crate::images::distances::measure_distances;
-use crate::images::heights::{DepthPixels, Standing, find_standing, measure_heights};
+use crate::images::heights::{DepthPixels, Smoothing, Standing, find_standing, measure_heights};
 use crate::images::image::{Image, find_blobs};
 use crate::images::outline::find_short_outline;
 
@@ -73,7 +73,8 @@ fn read_depth(mut bytes: Bytes<'_>, width: usize, height: usize) {
     let seen = DepthPixels { depth: &clean, width, camera, pose };
     let (above, counts) = measure_heights(&seen, (normal, radius), None);
     let kernel = [0.5, 0.25, 0.125];
-    let limits = Standing { range: [-1.0, 1.0], kernel: &kernel, edge: 0.1, share: 0.3 };
+    let smoothing = Smoothing { range: [-1.0, 1.0], kernel: &kernel, share: 0.3 };
+    let limits = Standing { smoothing, edge: 0.1 };
     assert_eq!(find_standing(&above, &counts, width, &limits).len(), clean.len());
 
     for observed in [Observed::Points(&finite), Observed::Image(&clean, width, camera)] {

@@ -116,46 +116,57 @@ kernel! {
     }
 }
 
-/// Limits of the pixels that stand out.
-pub struct Standing<'a> {
+/// How heights are smoothed.
+pub struct Smoothing<'a> {
     /// Lower and higher heights of single pixels are cut off.
     pub range: [f64; 2],
     /// A symmetric kernel, from its middle on.
     pub kernel: &'a [f32],
-    /// The mean height must be larger.
-    pub edge: f32,
     /// Pixels that count must have more of the kernel's weight.
     pub share: f32,
 }
 
+/// Limits of the pixels that stand out.
+pub struct Standing<'a> {
+    pub smoothing: Smoothing<'a>,
+    /// The mean height must be larger.
+    pub edge: f32,
+}
+
 /// Returns the pixels around which the mean height of pixels that count is larger than a limit.
 pub fn find_standing(above: &[f64], counts: &[bool], width: usize, limits: &Standing<'_>) -> Vec<bool> {
-    let mut found = vec![false; above.len()];
+    let smooth = smoothed(above, counts, width, &limits.smoothing);
+    smooth.iter().map(|height| *height > limits.edge).collect()
+}
+
+/// Returns the mean height of the pixels that count around each pixel; NaN where they have too little weight.
+pub fn smoothed(above: &[f64], counts: &[bool], width: usize, smoothing: &Smoothing<'_>) -> Vec<f32> {
+    let mut found = vec![0.0; above.len()];
     parallel::rows(&mut found, width, |first, part| {
-        find_in_rows(above, counts, width, limits, first, part);
+        smooth_rows(above, counts, width, smoothing, first, part);
     });
     found
 }
 
 kernel! {
-    /// Fills rows of [`find_standing`], from row `first` on.
-    fn find_in_rows<S>(
+    /// Fills rows of [`smoothed`], from row `first` on.
+    fn smooth_rows<S>(
         _,
         above: &[f64],
         counts: &[bool],
         width: usize,
-        limits: &Standing<'_>,
+        smoothing: &Smoothing<'_>,
         first: usize,
-        to: &mut [bool],
+        to: &mut [f32],
     ) {
-        let (kernel, reach) = (limits.kernel, limits.kernel.len() - 1);
+        let (kernel, reach) = (smoothing.kernel, smoothing.kernel.len() - 1);
         let height = above.len() / width;
         let from = first.saturating_sub(reach);
         let until = (first + to.len() / width + reach).min(height);
         // these rows and those beside them, smoothed along themselves: sums of heights, and weights
         let mut smooth = [vec![0.0f32; (until - from) * width], vec![0.0f32; (until - from) * width]];
         let mut padded = [vec![0.0f32; width + 2 * reach], vec![0.0f32; width + 2 * reach]];
-        let [low, high] = limits.range;
+        let [low, high] = smoothing.range;
         for y in from..until {
             let row = y * width..(y + 1) * width;
             let [heights, weights] = &mut padded;
@@ -195,7 +206,7 @@ kernel! {
                 }
             }
             for ((to, sum), weight) in to.iter_mut().zip(&sums[0]).zip(&sums[1]) {
-                *to = (sum / weight.max(MIN_WEIGHT) > limits.edge) & (*weight > limits.share);
+                *to = if *weight > smoothing.share { sum / weight.max(MIN_WEIGHT) } else { f32::NAN };
             }
         }
     }
@@ -260,7 +271,8 @@ mod tests {
         let depth = drawn();
         let (above, counts) = measure_heights(&pixels(&depth), ([0.0, 0.0, -1.0], -0.6), None);
         let kernel = [0.4, 0.2, 0.1];
-        let limits = Standing { range: [-0.1, 0.05], kernel: &kernel, edge: 0.01, share: 0.9 };
+        let smoothing = Smoothing { range: [-0.1, 0.05], kernel: &kernel, share: 0.9 };
+        let limits = Standing { smoothing, edge: 0.01 };
         let found = find_standing(&above, &counts, WIDTH, &limits);
         // with a border of zeros
         let (wide, reach) = (WIDTH + 4, 2);

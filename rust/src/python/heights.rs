@@ -1,20 +1,27 @@
 //! Bindings of heights above a table.
 
-use numpy::PyArray2;
+use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use super::arguments::{Array, FloatArray, Points, motion, require_same_length, wrong_shape};
-use super::arrays::constant;
+use super::arguments::{Array, FloatArray, Points, motion, wrong_shape};
+use super::arrays::{array, constant, list};
 use super::released::{CHEAP, released, released_if_many};
+use crate::checks::check_positive;
 use crate::clouds::depth::Pinhole;
 use crate::geometry::median::median_of_many;
 use crate::geometry::{Point, RigidMotion};
-use crate::images::heights::{self, AxisBox, DepthPixels, Side, Standing};
-use crate::images::planes;
+use crate::images::heights::{self, AxisBox, DepthPixels, Side, Smoothing, Standing};
+use crate::images::plane_windows;
+use crate::images::planes::{PlaneSearch, find_plane as find};
+use crate::images::tabletop::find_tabletop as find_top;
+
+const MAX_ROUNDS: usize = 100; // fits of a plane at most; it takes some
 
 /// A box along the axes of a pose: low and high corner, and the pose.
 type Within<'py> = (Point, Point, Bound<'py, PyAny>);
+/// Normal and offset of a plane, and the share of the points that lie on it.
+type FoundPlane<'py> = (Bound<'py, PyArray1<f64>>, f64, f64);
 type Heights<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<bool>>, Option<f64>);
 
 /// Return (H, W) heights of pixels above a plane normal @ x = offset, metres, which of them have depth and would be in a
@@ -79,27 +86,97 @@ pub(super) fn find_standing<'py>(
     // entries farther out than the image is wide lie beyond the border
     kernel.truncate(width.max(height));
     let found = released(py, move || {
-        let limits = Standing { range, kernel: &kernel, edge, share };
+        let limits = Standing { smoothing: Smoothing { range, kernel: &kernel, share }, edge };
         heights::find_standing(above.slice(), counts.slice(), width, &limits)
     })?;
     constant(py, found, [height, width])
 }
 
-/// Return the number of the plane, of normals (N, 3) and offsets, that most points (M, 3) are nearer to than a width.
-/// The first of equal ones counts.
+/// Find the plane that most of some points lie on, and fit it to these.
+///
+/// Parameters
+/// ----------
+/// points : (N, 3) ndarray
+/// compared : (M, 3) ndarray
+///     Points that planes are compared with.
+/// corners : (3 K, 3) ndarray
+///     Three points of each plane that is tried.
+/// width : float
+///     Points this near a plane lie on it at first.
+/// least : (float, float)
+///     Area of the parallelogram of three corners, and sine of its angle: with less, they fix no plane.
+/// share : float
+///     Share of the points that lie on the plane before it is fitted.
+/// rounds : int
+///     Fits by least squares.
+/// fewest : int
+///     Points that lie on the plane after each.
+/// adaptive : (float, float) or None
+///     Standard deviations, and a least width: points this near the plane lie on it after a fit. None: the width stays.
+///
+/// Returns
+/// -------
+/// (normal, offset, share) or None
+///     The plane normal @ x = offset, and the share of the points that lie on it; None without one.
 #[pyfunction]
-pub(super) fn find_fullest_plane(
-    py: Python<'_>,
-    normals: &Bound<'_, PyAny>,
-    offsets: Vec<f64>,
-    points: &Bound<'_, PyAny>,
+#[allow(clippy::too_many_arguments)]
+pub(super) fn find_plane<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    compared: &Bound<'py, PyAny>,
+    corners: &Bound<'py, PyAny>,
     width: f64,
-) -> PyResult<usize> {
-    let normals = Points::new("normals", normals, "(N, 3)")?;
-    let points = Points::new("points", points, "(M, 3)")?;
-    require_same_length("offsets", offsets.len(), normals.len())?;
-    let items = normals.len() * points.len() / CHEAP;
+    least: [f64; 2],
+    share: f64,
+    rounds: usize,
+    fewest: usize,
+    adaptive: Option<[f64; 2]>,
+) -> PyResult<Option<FoundPlane<'py>>> {
+    let points = Points::new("points", points, "(N, 3)")?;
+    let compared = Points::new("compared", compared, "(M, 3)")?;
+    let corners = Points::new("corners", corners, "(3 K, 3)")?;
+    let search = PlaneSearch { width, least, share, rounds: rounds.min(MAX_ROUNDS), fewest, adaptive };
+    let items = (corners.len() * compared.len() + search.rounds * points.len()) / CHEAP;
     let found =
-        released_if_many(py, items, move || planes::find_fullest(&normals, &offsets, &points, width))?;
-    found.ok_or_else(|| PyValueError::new_err("normals: expected at least one"))
+        released_if_many(py, items, move || find(&points, &compared, corners.as_chunks().0, &search))?;
+    found.map(|plane| Ok((list(py, plane.normal.to_vec())?, plane.offset, plane.share))).transpose()
+}
+
+/// Return (K, 1600) residuals of 1 / z, in standard deviations, in windows of 40 times 40 pixels that show planes. Those
+/// whose depth is nearest to `near`, metres, come first.
+#[pyfunction]
+pub(super) fn measure_plane_errors<'py>(
+    py: Python<'py>,
+    depth: &Bound<'py, PyAny>,
+    near: f64,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let image = FloatArray::new("depth", depth)?;
+    let [_, width] = image.image_shape("depth")?;
+    let found = released(py, move || plane_windows::measure_plane_errors(image.slice(), width, near))?;
+    let rows = found.len() / plane_windows::PIXELS;
+    array(py, found, [rows, plane_windows::PIXELS])
+}
+
+/// Return (H, W) heights of pixels above a table normal @ x = offset, metres, 0 without depth, and which of them stand out
+/// of it. `distance` is the table's, metres.
+#[pyfunction]
+#[allow(clippy::type_complexity)]
+pub(super) fn find_tabletop<'py>(
+    py: Python<'py>,
+    depth: &Bound<'py, PyAny>,
+    camera: [[f64; 2]; 2],
+    pose: &Bound<'py, PyAny>,
+    plane: (Point, f64),
+    distance: f64,
+) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<bool>>)> {
+    let image = FloatArray::new("depth", depth)?;
+    let (shape, [focal, center]) = (image.image_shape("depth")?, camera);
+    let pose = motion("pose", pose)?;
+    check_positive("distance", distance)?;
+    let (above, standing) = released(py, move || {
+        let camera = Pinhole { focal, center };
+        let seen = DepthPixels { depth: image.slice(), width: shape[1].max(1), camera, pose };
+        find_top(&seen, plane, distance)
+    })?;
+    Ok((constant(py, above, shape)?, constant(py, standing, shape)?))
 }

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use numpy::PyArray2;
+use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::arguments::Array;
-use super::arrays::array;
+use super::arrays::{array, list};
 use super::released::released;
 use crate::checks::check_positive;
 use crate::images::distances::measure_distances;
@@ -16,6 +16,7 @@ use crate::images::outline;
 use crate::images::parts::count_parts;
 use crate::images::readings;
 use crate::images::rope_mask;
+use crate::images::strips;
 use crate::parallel;
 
 /// The columns and rows of a strand's nodes.
@@ -85,6 +86,33 @@ pub(super) fn number_blobs<'py>(
         numbers
     })?;
     array(py, found, [height, width])
+}
+
+/// Return the middles of a mask's strips: pixels at least as far from its edge as their neighbours, and farther than
+/// `least` pixels. Beyond the border counts as mask.
+///
+/// Returns
+/// -------
+/// pixels : (N,) ndarray of int
+///     Their indices in the flat mask, ascending.
+/// away : (N,) ndarray of float32
+///     Their distances from the nearest pixel outside the mask, pixels.
+/// blobs : (N,) ndarray of int
+///     Numbers of their blobs, as `number_blobs` gives them.
+#[pyfunction]
+#[allow(clippy::type_complexity)]
+pub(super) fn find_strip_middles<'py>(
+    py: Python<'py>,
+    mask: &Bound<'py, PyAny>,
+    least: f32,
+) -> PyResult<(Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<f32>>, Bound<'py, PyArray1<i64>>)> {
+    let mask = Array::mask("mask", mask)?;
+    let [_, width] = mask.image_shape("mask")?;
+    let found = released(py, move || strips::find_middles(mask.slice(), width, least))?;
+    let pixels = found.iter().map(|middle| middle.pixel as i64).collect();
+    let away = found.iter().map(|middle| middle.away).collect();
+    let blobs = found.iter().map(|middle| middle.blob as i64 + 1).collect();
+    Ok((list(py, pixels)?, list(py, away)?, list(py, blobs)?))
 }
 
 /// Return (H, W) distances of a mask's pixels from the nearest pixel outside it, pixels; 0 outside. Beyond the border

@@ -76,6 +76,7 @@ calls = {{
     "visibility": lambda: _core.Visibility([points], [points], [eye]).states(points, 0.05),
     "visibility, image": lambda: _core.Visibility([(depth, *camera)], [points], [eye]).free(points, 0.1),
     "number_blobs": lambda: _core.number_blobs(mask),
+    "find_strip_middles": lambda: _core.find_strip_middles(mask, 1.5),
     "measure_edge_distances": lambda: _core.measure_edge_distances(mask, 40),
     "count_mask_parts": lambda: _core.count_mask_parts(mask, 3.0, 1.0),
     "estimate_radius": lambda: _core.RopeMask(mask).estimate_radius(),
@@ -89,7 +90,16 @@ calls = {{
     "track_frame, images": lambda: _core.track_frame(seen, tracked, ((0, 0, -1.0), -1.0), 0.03, **frame),
     "track_frame": lambda: _core.track_frame(seen, raced, None, 0.03, **frame),
     "find_standing": lambda: _core.find_standing(depth, mask, (-0.1, 0.1), [0.5, 0.25], 0.01, 0.3),
-    "find_fullest_plane": lambda: _core.find_fullest_plane(points[:9], points[:9, 0], points, 0.1),
+    "find_plane": lambda: _core.find_plane(
+        points, points[:99], points[:99], 0.1, (1e-9, 0.0), 0.1, 2, 3, (3.0, 0.1)
+    ),
+    "find_median": lambda: _core.find_median(points),
+    "find_values_near": lambda: _core.find_values_near(depth, 0.5, 4),
+    "measure_linear_scatter": lambda: _core.measure_linear_scatter(
+        points[:, :2].copy(), points[:, 0].copy(), points[:, 2].copy()
+    ),
+    "measure_plane_errors": lambda: _core.measure_plane_errors(depth, 0.5),
+    "find_tabletop": lambda: _core.find_tabletop(depth, camera, eye, ((0, 0, 1.0), 0.5), 0.5),
     "unproject, mask": lambda: _core.unproject(depth, *camera, mask),
     "find_short_outlines": lambda: _core.find_short_outlines(flat, [1.0], 3),
     "TubeQueries": lambda: _core.TubeQueries([points[:40]], [points[:40, 0]], [0.1]).signed_distances(points),

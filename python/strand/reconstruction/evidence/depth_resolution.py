@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+import strand._core as _core
 from strand.views.depth_image import DepthImage
 
 _STEPS = 4  # depths on each side of the ropes' distance whose steps are looked at
@@ -16,10 +17,8 @@ def find_depth_step(image: DepthImage) -> float:
 
     A stereo camera's disparity has steps, which are wider in depth the farther away.
     """
-    each = np.unique(image.depth)
-    middle = int(np.searchsorted(each, image.distance))
-    near = each[max(middle - _STEPS, 0) : middle + _STEPS]
-    return float(np.median(np.diff(near[near > 0]))) if np.count_nonzero(near > 0) > 1 else 0.0
+    near = _core.find_values_near(image.depth, image.distance, _STEPS)
+    return _core.find_median(np.diff(near[near > 0])) if np.count_nonzero(near > 0) > 1 else 0.0
 
 
 def show_in_windows(pixels: float) -> float:

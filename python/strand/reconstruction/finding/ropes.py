@@ -244,7 +244,7 @@ def _take_colors(extract: Extract, shown: Sequence[ShownInColor], radii: Array |
 
 def _find_strip_radius(shown: Sequence[ShownInColor]) -> float:
     """Return the radius, metres, by the half width of the strips in the views' colours."""
-    return float(np.median([one.radius for one in shown if one.mask.any()]))
+    return _core.find_median([one.radius for one in shown if one.mask.any()])
 
 
 def _measure_by_color(views: Sequence[View], width: float) -> float:
@@ -253,7 +253,7 @@ def _measure_by_color(views: Sequence[View], width: float) -> float:
     The strips' half width is too small: edges are ragged, and the middle may lie between pixels.
     """
     found = list(_measure_masks(views, lambda image: estimate_radius_by_area(image)[0]))
-    return float(np.median(found)) if found else width
+    return _core.find_median(found) if found else width
 
 
 def _measure_by_height(views: Sequence[View], width: float) -> float:
@@ -265,7 +265,7 @@ def _measure_by_height(views: Sequence[View], width: float) -> float:
     found = list(_measure_masks(views, lambda image: float(estimate_mask_radius(image)[0][0])))
     if not found or abs(np.log(np.median(found) / width)) < _SAME_RADIUS:
         return width
-    return float(np.median(found))
+    return _core.find_median(found)
 
 
 def _measure_masks(views: Sequence[View], measure: Callable[[DepthImage], float]) -> Iterator[float]:

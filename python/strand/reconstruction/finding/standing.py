@@ -10,23 +10,14 @@ from numpy.typing import NDArray
 import strand._core as _core
 from strand.geometry.plane import Plane
 from strand.reconstruction.color_masks.near_table import select_seen
-from strand.reconstruction.images.above_table import MIN_SEEN, smooth_where_seen
 from strand.reconstruction.images.table_plane import find_table
 from strand.support.checks import Array
-from strand.support.robust import estimate_deviation
 from strand.views.box import Box
 from strand.views.cloud_images import fill_thinned
 from strand.views.depth_image import DepthImage
 from strand.views.extract import Extract
 
 _MAX_POINTS = 10_000  # points that the table is sought in
-_SMOOTHING = 0.8  # pixels: standard deviation of the Gaussian that smooths heights
-_DEVIATIONS = 5.0  # standard deviations of the table's heights: what is higher stands above it
-_MIN_HEIGHT = 0.001  # of the table's distance: what stands above it is higher
-_TABLE_HEIGHT = 0.005  # of the table's distance: what is this near the table belongs to it
-_MAX_HEIGHT = 0.03  # of the table's distance: larger heights are cut before they are smoothed
-_EACH = 4  # rows: every fourth one gives the scatter
-_MIN_BLOB = 25  # pixels: smaller blobs are noise
 _MIN_SHARE_IN_RANGE = 0.04  # of an image's pixels, in the extraction range: with fewer it holds no table
 _USUAL_PIXELS = 200_000  # pixels of an image, where a view has points alone
 
@@ -55,25 +46,14 @@ class Tabletop:
 
 def find_tabletop(image: DepthImage, bounds: Box | None) -> Tabletop | None:
     """Find the table in all depth of an image, and what stands above it; None if there is no table."""
-    seen = image.depth > 0
     rows, columns = select_seen(image.depth, _MAX_POINTS)
     camera = image.pose[:3, 3]
     found = find_table(image.lift(rows, columns, image.depth[rows, columns]) - camera)
     if found is None:
         return None
     plane = Plane(found.normal, found.offset + float(found.normal @ camera))
-    # along rows and columns, rays change evenly
-    height, width = image.depth.shape
-    normal = found.normal @ image.pose[:3, :3]
-    across = image.camera.cast_rays(np.zeros(width), np.arange(width)) @ normal
-    down = image.camera.cast_rays(np.arange(height), np.zeros(height)) @ normal
-    above = across + (down - across[0])[:, None]
-    above *= image.depth
-    above -= found.offset
-    above[~seen] = 0.0
-    inside = _select_inside(image, bounds)
-    standing = replace(image, labels=_segment_standing(above, seen, -found.offset))
-    return Tabletop(standing, plane, above, inside)
+    above, standing = _core.find_tabletop(image.depth, image.camera, image.pose, plane, -found.offset)
+    return Tabletop(replace(image, labels=standing), plane, above, _select_inside(image, bounds))
 
 
 def holds_table(extract: Extract) -> bool:
@@ -106,15 +86,3 @@ def _select_inside(image: DepthImage, bounds: Box | None) -> NDArray[np.bool_]:
     found = np.zeros(image.depth.shape, dtype=bool)
     found[rows, columns] = bounds.holds(image.lift(rows, columns, image.depth[rows, columns]))
     return found
-
-
-def _segment_standing(above: Array, seen: NDArray[np.bool_], distance: float) -> NDArray[np.bool_]:
-    """Return the pixels (H, W) whose smoothed height stands out from a table at a distance, metres."""
-    # relative to the distance, as single precision does not hold metres in every unit
-    cut = np.clip(above / distance, -_MAX_HEIGHT, _MAX_HEIGHT)
-    smooth, shares = smooth_where_seen(cut, seen, _SMOOTHING)
-    few = smooth[::_EACH]
-    scatter = estimate_deviation(few[seen[::_EACH] & (np.abs(few) < _TABLE_HEIGHT)])
-    found = (shares > MIN_SEEN) & (smooth > max(_DEVIATIONS * scatter, _MIN_HEIGHT))
-    numbers = _core.number_blobs(found)
-    return np.asarray(found & (np.bincount(numbers.ravel())[numbers] >= _MIN_BLOB))

@@ -72,32 +72,20 @@ def segment_ropes(
         Pixels that may be ropes.
     others : list of OtherObject
     """
-    wide = _open_mask(image, radius)
-    things, numbers = np.zeros_like(wide), _core.number_blobs(wide)
-    others = []
-    # few pixels of low blobs are high
-    high = top.above > _MAX_PILE * radius
-    tall = np.bincount(numbers[high], minlength=numbers.max() + 1) >= 0.5 * (1.0 - _TOP) * np.bincount(
-        numbers.ravel()
-    )
-    for rows, columns in _split_blobs(np.where(tall[numbers], numbers, 0)):
-        highest = float(np.quantile(top.above[rows, columns], _TOP))
-        if highest > _MAX_PILE * radius:
-            things[rows, columns] = True
-            reason = f"wider than ropes of radius {1e3 * radius:.1f} mm, and {1e3 * highest:.0f} mm high"
-            others.append(OtherObject(view, _find_middle(image, rows, columns), reason))
-    things |= wide & _select_around(image, things, top.plane, radius)
-    halo = _EDGE + _HALO * _find_radius_px(image, things, radius)
-    reach = int(max(halo, 2.0 * _EDGE)) + 2
-    near = _core.measure_edge_distances(~things, reach) if things.any() else np.full(wide.shape, np.inf)
+    things, others = _find_things(top, image, radius, view)
+    near: Array | NDArray[np.float32] = np.broadcast_to(np.inf, things.shape)
+    halo = 0.0
+    if things.any():
+        halo = _EDGE + _HALO * _find_radius_px(image, things, radius)
+        near = _core.measure_edge_distances(~things, int(max(halo, 2.0 * _EDGE)) + 2)
     mask = image.mask & (near > _EDGE)
     lengths = measure_strip_lengths(replace(image, labels=mask.copy())) / radius
     numbers = _core.number_blobs(mask)
     long = np.pad(lengths, (0, max(int(numbers.max(initial=0)) + 1 - len(lengths), 0))) >= _MIN_LENGTH
     mask = long[numbers] & mask
-    for rows, columns in _split_blobs(np.where(mask, numbers, 0)):
+    for rows, columns in _split_blobs(mask, numbers):
         length = float(lengths[numbers[rows[0], columns[0]]])
-        height = float(np.median(top.above[rows, columns])) / radius
+        height = _core.find_median(top.above[rows, columns]) / radius
         beside = bool((near[rows, columns] <= 2.0 * _EDGE).any())
         own = length < _MIN_LENGTH_BESIDE or (length < _MIN_LENGTH_HIGH and height > _HIGH)
         edge = bool(np.mean(near[rows, columns] <= halo) > _MAX_HALO_SHARE)
@@ -109,20 +97,46 @@ def segment_ropes(
     return mask, others
 
 
+def _find_things(
+    top: Tabletop, image: DepthImage, radius: float, view: int
+) -> tuple[NDArray[np.bool_], list[OtherObject]]:
+    """Return the pixels of things that are wide and higher than ropes pile up, with what belongs to them."""
+    wide = _open_mask(image, radius)
+    things = np.zeros_like(wide)
+    others: list[OtherObject] = []
+    if not wide.any():
+        return things, others
+    numbers = _core.number_blobs(wide)
+    # few pixels of low blobs are high
+    high = top.above > _MAX_PILE * radius
+    tall = np.bincount(numbers[high], minlength=numbers.max() + 1) >= 0.5 * (1.0 - _TOP) * np.bincount(
+        numbers.ravel()
+    )
+    for rows, columns in _split_blobs(wide & tall[numbers], numbers):
+        highest = float(np.quantile(top.above[rows, columns], _TOP))
+        if highest > _MAX_PILE * radius:
+            things[rows, columns] = True
+            reason = f"wider than ropes of radius {1e3 * radius:.1f} mm, and {1e3 * highest:.0f} mm high"
+            others.append(OtherObject(view, _find_middle(image, rows, columns), reason))
+    return things | (wide & _select_around(image, things, top.plane, radius)), others
+
+
 def _find_radius_px(image: DepthImage, things: NDArray[np.bool_], radius: float) -> float:
     """Return a radius, metres, in pixels at the distance of things; 0 without any."""
     z = image.depth[things & (image.depth > 0)]
-    return radius * image.camera.focal[0] / float(np.median(z)) if len(z) else 0.0
+    return radius * image.camera.focal[0] / _core.find_median(z) if len(z) else 0.0
 
 
-def _split_blobs(numbers: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Yield the rows and columns of each blob, by its number."""
-    rows, columns = np.nonzero(numbers)
-    own = numbers[rows, columns]
+def _split_blobs(
+    mask: NDArray[np.bool_], numbers: NDArray[np.int64]
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Yield the rows and columns of a mask's pixels in each blob, by the blobs' numbers."""
+    pixels = np.flatnonzero(mask)
+    own = numbers.reshape(-1)[pixels]
     order = np.argsort(own, kind="stable")
-    for part in np.split(order, np.flatnonzero(np.diff(own[order])) + 1):
+    for part in np.split(pixels[order], np.flatnonzero(np.diff(own[order])) + 1):
         if len(part):
-            yield rows[part], columns[part]
+            yield np.divmod(part, mask.shape[1])
 
 
 def _find_middle(image: DepthImage, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
@@ -133,14 +147,17 @@ def _find_middle(image: DepthImage, rows: NDArray[np.int64], columns: NDArray[np
 
 def _open_mask(image: DepthImage, radius: float) -> NDArray[np.bool_]:
     """Return the pixels in discs that fit into the mask and are wider than crossing strands."""
+    pixels = np.flatnonzero(image.mask)
     with np.errstate(divide="ignore"):
-        reach = _WIDE * radius * image.camera.focal[0] / image.depth
-    core = image.mask & (_core.measure_edge_distances(image.mask, sum(image.mask.shape)) - 0.5 > reach)
-    if not core.any():
-        return core
-    return np.asarray(
-        image.mask & (core | (_core.measure_edge_distances(~core, sum(core.shape)) < reach + 0.5))
-    )
+        reach = _WIDE * radius * image.camera.focal[0] / image.depth.reshape(-1)[pixels]
+    most = int(reach.max(initial=0.0, where=np.isfinite(reach))) + 2
+    away = _core.measure_edge_distances(image.mask, most).reshape(-1)[pixels]
+    found = np.zeros(image.mask.size, dtype=bool)
+    found[pixels] = away - 0.5 > reach
+    if found.any():
+        away = _core.measure_edge_distances(~found.reshape(image.mask.shape), most).reshape(-1)[pixels]
+        found[pixels] |= away < reach + 0.5
+    return found.reshape(image.mask.shape)
 
 
 def _select_around(

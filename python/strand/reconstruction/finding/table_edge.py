@@ -59,7 +59,7 @@ def _count_below(view: View, table: Plane, end: Array, radius: float, lines: Arr
     near = _select_near(view, end, _REACH * radius)
     heights = table.measure_heights(near[_core.find_squared_distances(near, lines) > (_OWN * radius) ** 2])
     on_table = np.abs(heights[np.abs(heights) < _BELOW * radius])
-    scatter = _DEVIATION_OF_MEDIAN * float(np.median(on_table)) if len(on_table) else 0.0
+    scatter = _DEVIATION_OF_MEDIAN * _core.find_median(on_table) if len(on_table) else 0.0
     return int(np.count_nonzero(heights < -max(_BELOW * radius, _DEVIATIONS * scatter)))
 
 

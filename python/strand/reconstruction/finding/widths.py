@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-import strand._core as _core
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 
@@ -16,7 +15,6 @@ _MAX_RADIUS = 0.03  # metres
 _RADII = 120  # radii that are tried
 _SAME_WIDTH = 0.2  # logarithm of half widths: strips of one width differ by less
 _MIN_BLOB = 10.0  # half widths: shorter blobs are specks and things
-_MIN_DISTANCE = 1.5  # pixels from a strip's middle to its edge
 
 
 def estimate_strip_radius(images: Sequence[DepthImage]) -> float:
@@ -34,11 +32,10 @@ def estimate_strip_radius(images: Sequence[DepthImage]) -> float:
 
 def _find_long(image: DepthImage) -> tuple[Array, Array]:
     """Return half widths and lengths as `_find_middles` does: those of blobs that are no specks, if any."""
-    logs, lengths, middle = _find_middles(image)
-    own = _core.number_blobs(image.mask)[middle]
-    total, mean = np.bincount(own, lengths), np.bincount(own, lengths * logs)
+    logs, lengths, blobs = _find_middles(image)
+    total, mean = np.bincount(blobs, lengths), np.bincount(blobs, lengths * logs)
     long = total > _MIN_BLOB * np.exp(mean / np.maximum(total, 1e-12))
-    kept = long[own]
+    kept = long[blobs]
     return (logs[kept], lengths[kept]) if kept.any() else (logs, lengths)
 
 
@@ -47,23 +44,17 @@ def measure_strip_lengths(image: DepthImage, radius: float | None = None) -> Arr
 
     With a radius, metres, only strips of about this half width count.
     """
-    logs, lengths, middle = _find_middles(image)
-    own = _core.number_blobs(image.mask)[middle]
+    logs, lengths, blobs = _find_middles(image)
     if radius is not None:
         lengths = np.where(np.abs(logs - np.log(radius)) < _SAME_WIDTH, lengths, 0.0)
-    return np.asarray(np.bincount(own, lengths), dtype=np.float64)
+    return np.asarray(np.bincount(blobs, lengths), dtype=np.float64)
 
 
-def _find_middles(image: DepthImage) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return logarithms of half widths, and lengths, metres, at the pixels of strips' middles; and these."""
-    away = _core.measure_edge_distances(image.mask, sum(image.mask.shape))
-    around = np.pad(away, 1)
-    height, width = away.shape
-    most = away.copy()
-    for down in range(3):
-        for right in range(3):
-            np.maximum(most, around[down : down + height, right : right + width], out=most)
-    middle = (away >= most) & (away > _MIN_DISTANCE) & (image.depth > 0)
-    pixel = image.depth[middle] / image.camera.focal[0]
+def _find_middles(image: DepthImage) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Return logarithms of half widths, lengths, metres, and blobs' numbers of pixels in strips' middles."""
+    middles, away, blobs = image.strip_middles
+    depth = image.depth.reshape(-1)[middles]
+    seen = depth > 0
+    pixel = depth[seen] / image.camera.focal[0]
     # the edge runs between the pixels
-    return np.log((away[middle] - 0.5) * pixel), pixel, middle
+    return np.log((away[seen] - 0.5) * pixel), pixel, blobs[seen]

@@ -23,7 +23,7 @@ MAX_HEIGHT = 4.0  # radii: higher heights of single pixels are cut off
 _SMOOTHING = 0.45  # radii: standard deviation of the Gaussian that smooths heights
 _MIN_SMOOTHING = 0.6  # pixels
 _EDGE_HEIGHT = 0.85  # radii: half of a rope's mean smoothed height, which is where its edge is
-MIN_SEEN = 0.3  # of the weight of smoothed pixels has depth
+_MIN_SEEN = 0.3  # of the weight of smoothed pixels has depth
 _MAX_RADIUS = 0.25  # of the image's longer side: wider ropes are not segmented
 _LOW = 0.5  # radii: lower points lie on the table
 _MIN_TABLE_SHARE = 0.3  # of a view's points lie on the table if it shows more than ropes
@@ -132,7 +132,7 @@ def segment_above_table(
         return np.zeros(image.depth.shape, dtype=bool)
     kernel = make_gaussian_kernel(max(_SMOOTHING * pixels, _MIN_SMOOTHING))
     heights = (MIN_HEIGHT * radius, MAX_HEIGHT * radius)
-    return _core.find_standing(above, seen, heights, kernel, _EDGE_HEIGHT * radius, MIN_SEEN)
+    return _core.find_standing(above, seen, heights, kernel, _EDGE_HEIGHT * radius, _MIN_SEEN)
 
 
 def measure_heights(
@@ -168,19 +168,6 @@ def measure_heights(
     )
     pixels = 0.0 if distance is None else radius * image.camera.focal[0] / distance
     return above, seen, pixels
-
-
-def smooth_where_seen(
-    values: Array, seen: NDArray[np.bool_], deviation: float
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return Gaussian means of the values that are seen, and the share of the weight that these have.
-
-    The standard deviation is in pixels.
-    """
-    kernel = make_gaussian_kernel(deviation)
-    shares = _core.convolved(seen.astype(np.float32), kernel)
-    sums = _core.convolved(np.where(seen, values, 0.0).astype(np.float32), kernel)
-    return np.asarray(sums / np.maximum(shares, 1e-9), dtype=np.float32), shares
 
 
 def make_gaussian_kernel(deviation: float) -> list[float]:

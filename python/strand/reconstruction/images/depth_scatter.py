@@ -38,4 +38,4 @@ def measure_depth_scatter(whole: Sequence[View], views: Sequence[View], wide: fl
     )
     # a second difference has six times the variance of a depth
     found = DEVIATION_OF_MEDIAN * np.array(bends) / 6.0**0.5
-    return float(np.median([min(around, own) if 0.0 < own < wide else around for around, own in found]))
+    return _core.find_median([min(around, own) if 0.0 < own < wide else around for around, own in found])

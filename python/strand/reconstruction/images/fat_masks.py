@@ -44,7 +44,7 @@ def measure_excess(taken: Sequence[DepthImage], shown: Sequence[float] | Array, 
         float(pixels) - radius * image.camera.focal[0] / image.distance
         for image, pixels in zip(taken, shown, strict=True)
     ]
-    return float(np.median(wider))
+    return _core.find_median(wider)
 
 
 def slim_fat_masks(

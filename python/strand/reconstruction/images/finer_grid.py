@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+import strand._core as _core
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 
@@ -24,12 +25,12 @@ def magnify_thin_ropes(images: Sequence[DepthImage], radius: float) -> tuple[lis
     All images are magnified by the same whole number, and cropped around their masks. Where ropes are wide
     enough, or masks show nothing, the images stay as they are, and the number is 1.
     """
-    given = float(np.median([radius * image.camera.focal[0] / image.distance for image in images]))
+    given = _core.find_median([radius * image.camera.focal[0] / image.distance for image in images])
     if not given < _THIN_RADIUS:
         return list(images), 1
     shown = [image.mask_radius or 0.0 for image in images]
     # a mask may be wider than the rope in it
-    pixels = max(given, float(np.median(shown)))
+    pixels = max(given, _core.find_median(shown))
     if pixels >= _THIN_RADIUS:
         return list(images), 1
     factor = int(min(np.ceil(_FINE_RADIUS / pixels), _MAX_FACTOR))

@@ -103,7 +103,9 @@ def _joins_an_end(mask: NDArray[np.bool_], touched: NDArray[np.bool_], pixels: f
 def _is_level(heights: Array, piece: NDArray[np.bool_], touched: NDArray[np.bool_]) -> bool:
     """Tell whether a piece is as high, radii, as the mask that it touches."""
     own, others = (heights[some & np.isfinite(heights)] for some in (piece, touched))
-    return min(len(own), len(others)) > 0 and abs(float(np.median(own) - np.median(others))) < _MAX_STEP
+    return (
+        min(len(own), len(others)) > 0 and abs(_core.find_median(own) - _core.find_median(others)) < _MAX_STEP
+    )
 
 
 def _is_end(mask: NDArray[np.bool_], place: Array, pixels: float) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.geometry.plane import Plane
 from strand.reconstruction.images.fat_masks import slim_fat_masks
@@ -97,4 +98,4 @@ def _measure_height(image: DepthImage, axis: Array, table: Plane) -> float:
     z = image.depth[rows, columns]
     seen = z > 0
     world = image.lift(rows[seen], columns[seen], z[seen])
-    return float(np.median(table.measure_heights(world))) if len(world) else 0.0
+    return _core.find_median(table.measure_heights(world)) if len(world) else 0.0

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+import strand._core as _core
 from strand.geometry.plane import Plane
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.reconstruction.stages import Found, Observed
@@ -40,7 +41,7 @@ def doubt_given_radius(observed: Observed, found: Found) -> list[Doubt]:
     if not images:
         return []
     radius = observed.radius
-    width = float(np.median([measure_width(image, found.chains, radius) for image in images]))
+    width = _core.find_median([measure_width(image, found.chains, radius) for image in images])
     if not (width < _NARROW or width > _WIDE):
         return []
     pixels = float(abs(1.0 - width) * radius * images[0].camera.focal[0] / images[0].distance)
@@ -92,4 +93,4 @@ def measure_height(image: DepthImage, chains: Sequence[Chain], table: Plane, rad
     places = image.lift(rows[seen], columns[seen], z[seen])
     rays = image.pose[:3, 3] - places
     facing = rays @ table.normal / np.linalg.norm(rays, axis=1)
-    return float(np.median(table.measure_heights(places) / (radius * (1.0 + facing))))
+    return _core.find_median(table.measure_heights(places) / (radius * (1.0 + facing)))

@@ -37,7 +37,7 @@ def average_pixels(image: DepthImage, radius: float) -> tuple[DepthImage, int]:
     seen = image.depth > 0
     if not seen.any():
         return image, 1
-    side = round(radius * image.camera.focal[0] / float(np.median(image.depth[seen])) / _FINEST_RADIUS)
+    side = round(radius * image.camera.focal[0] / _core.find_median(image.depth[seen]) / _FINEST_RADIUS)
     if side < 2:
         return image, 1
     height, width = (count // side for count in image.depth.shape)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+import strand._core as _core
 from strand._core import ImageFit, RopeImages
 from strand.reconstruction.evidence.depth_errors import correlate_on_planes, find_depth_step
 from strand.views.depth_image import DepthImage
@@ -117,13 +118,13 @@ def describe_sensor(
     first = given[0].mask_depths
     share = 1.0
     if correlation is not None:
-        share, _ = _average_over_discs(correlation, float(np.median(images.radii)) / factor)
+        share, _ = _average_over_discs(correlation, _core.find_median(images.radii) / factor)
     noise = fit.noise if errors.noise is None else errors.noise
     return Sensor(
         sd=noise / share * radius,
         correlation=correlation or 0.0,
         step=find_depth_step(first[first > 0]),
-        bias=float(np.median(fit.biases)) * radius,
+        bias=_core.find_median(fit.biases) * radius,
         lateral=errors.lateral / factor,
     )
 

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 import strand._core as _core
 from strand.geometry.plane import Plane
 from strand.support.checks import Array
-from strand.support.robust import estimate_deviation
 from strand.views.depth_image import DepthImage
 
 _SEED = 0  # of the draws of three points that planes are tried through
@@ -79,26 +78,15 @@ def find_largest_plane(points: Array) -> tuple[Plane, float] | None:
     if len(points) < 3:
         return None
     rng = np.random.default_rng(_SEED)
-    width = _FIRST_WIDTH * float(np.median(np.linalg.norm(points, axis=1)))
+    width = _FIRST_WIDTH * _core.find_median(np.linalg.norm(points, axis=1))
     compared = points[rng.integers(0, len(points), min(_MAX_POINTS_COMPARED, len(points)))]
-    corners = points[rng.integers(0, len(points), (_PLANES, 3))]
-    lengths = np.linalg.norm(corners[:, 1:] - corners[:, :1], axis=2)
-    best = _select_plane(corners, compared, width, _MIN_SINE * lengths.prod(axis=1))
-    if best is None:
+    corners = points[rng.integers(0, len(points), 3 * _PLANES)]
+    adaptive = (_DEVIATIONS, _MIN_WIDTH / _FIRST_WIDTH * width)
+    found = _core.find_plane(points, compared, corners, width, (0.0, _MIN_SINE), 0.0, _ROUNDS, 3, adaptive)
+    if found is None:
         return None
-    normal, offset = best
-    min_width = _MIN_WIDTH / _FIRST_WIDTH * width
-    for _ in range(_ROUNDS):
-        own = points[np.abs(points @ normal - offset) < width]
-        if len(own) < 3:
-            return None
-        middle, from_middle, normal = _fit_plane(own)
-        offset = float(normal @ middle)
-        width = max(_DEVIATIONS * estimate_deviation(from_middle @ normal), min_width)
-    if offset > 0.0:
-        normal, offset = -normal, -offset
-    plane = Plane(normal, offset)
-    return plane, float(np.mean(np.abs(plane.measure_heights(points)) < width))
+    normal, offset, share = found
+    return (Plane(normal, offset) if offset < 0.0 else Plane(-normal, -offset)), share
 
 
 def find_table_beside_ropes(image: DepthImage, radius: float) -> Plane | None:
@@ -122,52 +110,28 @@ def _find_plane_beside(points: Array, image: DepthImage, radius: float) -> Plane
     if len(points) < _MIN_POINTS_BESIDE:
         return None
     rng = np.random.default_rng(_SEED)
-    corners = points[rng.integers(0, len(points), (_PLANES_BESIDE, 3))]
-    width = _WIDTH_BESIDE * radius
-    best = _select_plane(corners, points[::_EACH_BESIDE], width, _MIN_AREA)
-    if best is None:
+    corners = points[rng.integers(0, len(points), 3 * _PLANES_BESIDE)]
+    found = _core.find_plane(
+        points,
+        points[::_EACH_BESIDE],
+        corners,
+        _WIDTH_BESIDE * radius,
+        (_MIN_AREA, 0.0),
+        _MIN_SHARE_BESIDE,
+        _ROUNDS_BESIDE,
+        _MIN_POINTS_BESIDE,
+        None,
+    )
+    if found is None:
         return None
-    normal, offset = best
-    near = np.abs(points @ normal - offset) < width
-    if np.count_nonzero(near) < _MIN_SHARE_BESIDE * len(points):
-        return None
-    for _ in range(_ROUNDS_BESIDE):
-        middle, _, normal = _fit_plane(points[near])
-        near = np.abs((points - middle) @ normal) < width
-        if np.count_nonzero(near) < _MIN_POINTS_BESIDE:
-            return None
-    if normal @ (image.pose[:3, 3] - middle) < 0:
-        normal = -normal
-    return Plane(normal, float(normal @ middle))
-
-
-def _select_plane(
-    corners: Array, points: Array, width: float, min_area: Array | float
-) -> tuple[Array, float] | None:
-    """Return normal and offset of the plane, through (N, 3, 3) corners, with most points within a width."""
-    edges = corners[:, 1:] - corners[:, :1]
-    normals = np.cross(edges[:, 0], edges[:, 1])
-    areas = np.linalg.norm(normals, axis=1)
-    kept = areas > min_area
-    if not kept.any():
-        return None
-    normals = normals[kept] / areas[kept, None]
-    offsets = (normals * corners[kept, 0]).sum(axis=1)
-    best = _core.find_fullest_plane(normals, offsets, points, width)
-    return normals[best], float(offsets[best])
-
-
-def _fit_plane(points: Array) -> tuple[Array, Array, Array]:
-    """Return the mean of points, the points relative to it, and the normal of their least-squares plane."""
-    middle = points.mean(axis=0)
-    from_middle = points - middle
-    return middle, from_middle, np.linalg.eigh(from_middle.T @ from_middle)[1][:, 0]
+    normal, offset, _ = found
+    return Plane(normal, offset) if normal @ image.pose[:3, 3] > offset else Plane(-normal, -offset)
 
 
 def _is_wide(points: Array, plane: Plane) -> bool:
     """Tell whether points on a plane lie side by side, wider than ropes do."""
     plan = points @ plane.axes
-    side = _CELL * float(np.median(np.linalg.norm(points, axis=1)))
+    side = _CELL * _core.find_median(np.linalg.norm(points, axis=1))
     cells = np.floor((plan - plan.min(axis=0)) / side).astype(np.int64)
     size = cells.max(axis=0) + 3
     if size.prod() > _MAX_CELLS:
@@ -199,7 +163,7 @@ def _add_squares(values: Array | NDArray[np.bool_], half: int) -> Array:
 
 def _measure_reach(image: DepthImage, radius: float) -> int:
     """Return how far around ropes of a radius, metres, their table is sought, pixels."""
-    far = float(np.median(image.mask_depths))
+    far = _core.find_median(image.mask_depths)
     if far <= 0:
         return _MARGIN
     return int(min(_REACH * radius * image.camera.focal[0] / max(far, 1e-9), sum(image.mask.shape)))

@@ -5,22 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+import strand._core as _core
+from strand.reconstruction.color_masks.near_table import select_seen
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
-from strand.support.robust import estimate_deviation
 from strand.views.view import View
 
 _MAX_VIEWS = 3  # views that are looked at
-_SAMPLE = 1000  # points of each
-_MIN_POINTS = 300  # points of each
+_SAMPLE = 1000  # points of each, about
+_MIN_POINTS = 250  # points of each
 _CELLS = 12  # cells along each side of a plan of the points
 _MIN_FILLED = 0.5  # share of the cells that the points of a table fill; those of ropes alone do not
 _MAX_SCATTER = 0.0125  # share of the distance: a standard deviation about a table
-_ROUNDS = 10  # rounds of the robust fit
-_HALF_WEIGHT = 2.0  # standard deviations at which a point counts half
-_SETTLED_CHANGE = 0.01  # relative change of the scatter between rounds at which the fit ends
 _MIN_RATIO = 1.5  # of the scatters with and without the rays' lengths; lenses and sensors bend a table less
 _BENT_DOUBT = 20.0  # doubt: it is certain, and stands first
 
@@ -75,11 +72,14 @@ def measure_table(view: View) -> tuple[float, float] | None:
     x, y, z = _sample_points(view).T
     if len(z) < _MIN_POINTS or not (z > 0).all():
         return None
-    slopes = np.column_stack([np.ones(len(z)), x / z, y / z])
-    if not _fills_plan(slopes[:, 1:]):
+    slopes = np.column_stack([x / z, y / z])
+    if not _fills_plan(slopes):
         return None
-    rays = np.linalg.norm(slopes, axis=1)
-    scatters = _measure_scatter(slopes, 1.0 / z, z), _measure_scatter(slopes, rays / z, z / rays)
+    rays = np.sqrt(1.0 + (slopes**2).sum(axis=1))
+    scatters = (
+        _core.measure_linear_scatter(slopes, 1.0 / z, z),
+        _core.measure_linear_scatter(slopes, rays / z, z / rays),
+    )
     return scatters if min(scatters) < _MAX_SCATTER else None
 
 
@@ -87,7 +87,7 @@ def _fills_plan(plan: Array) -> bool:
     """Tell whether (N, 2) places fill most of their bounding rectangle."""
     low, high = plan.min(axis=0), plan.max(axis=0)
     cells = np.minimum((_CELLS * (plan - low) / np.maximum(high - low, 1e-12)).astype(np.int64), _CELLS - 1)
-    return len(np.unique(cells @ [_CELLS, 1])) >= _MIN_FILLED * _CELLS**2
+    return int(np.count_nonzero(np.bincount(cells @ [_CELLS, 1]))) >= _MIN_FILLED * _CELLS**2
 
 
 def _sample_points(view: View) -> Array:
@@ -95,21 +95,5 @@ def _sample_points(view: View) -> Array:
     image = view.image
     if image is None:
         return view.points[:: max(len(view.points) // _SAMPLE, 1)]
-    flat: NDArray[np.intp] = np.flatnonzero(image.depth > 0)
-    rows, columns = np.divmod(flat[:: max(len(flat) // _SAMPLE, 1)], image.depth.shape[1])
+    rows, columns = select_seen(image.depth, _SAMPLE)
     return image.camera.lift(rows, columns, image.depth[rows, columns])
-
-
-def _measure_scatter(slopes: Array, inverse: Array, depth: Array) -> float:
-    """Return the relative scatter of inverse depths about a linear function; outliers count little."""
-    weights, scatter = np.ones(len(depth)), np.inf
-    for _ in range(_ROUNDS):
-        before = scatter
-        weighted = slopes * weights[:, None]
-        linear = np.linalg.solve(weighted.T @ slopes, weighted.T @ inverse)
-        off = (inverse - slopes @ linear) * depth
-        scatter = estimate_deviation(off)
-        if abs(scatter - before) < _SETTLED_CHANGE * scatter:
-            break
-        weights = 1.0 / (1.0 + (off / max(_HALF_WEIGHT * scatter, np.finfo(float).tiny)) ** 2)
-    return scatter
