@@ -25,7 +25,7 @@ from strand.reconstruction.observing import Hints, Scene
 from strand.reconstruction.orientation import oriented
 from strand.reconstruction.stages import Found, Run
 from strand.reconstruction.upwards import find_up
-from strand.ropes.chain import Chain
+from strand.ropes.chain import Chain, remarked
 from strand.ropes.doubt import Doubt
 from strand.ropes.model import Model
 from strand.ropes.posterior import load_posterior
@@ -115,12 +115,7 @@ def describe_chains(chains: Sequence[Chain], views: Sequence[View], poses: Seque
     hidden = find_hidden_ends(chains, views, poses)
     views = [placed(view, pose) for view, pose in zip(views, poses, strict=True)]
     return [
-        replace(
-            chain,
-            label=find_label(chain, views),
-            color=find_color(chain, views),
-            hidden_ends=ends,
-        )
+        remarked(chain, label=find_label(chain, views), color=find_color(chain, views), hidden_ends=ends)
         for chain, ends in zip(chains, hidden, strict=True)
     ]
 
@@ -175,7 +170,7 @@ def _add_confidence(
     for chain, shape, own in zip(chains, shapes, doubts, strict=True):
         evidence = measure_evidence(own, [shape], how)
         confidence = float(posterior.compute(evidence, measure_bound(own))[0])
-        sure.append(replace(chain, confidence=confidence, doubts=own))
+        sure.append(remarked(chain, confidence=confidence, doubts=own))
     return sure
 
 

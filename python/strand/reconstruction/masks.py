@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.reconstruction.evidence.depth_resolution import find_depth_step, show_in_windows
 from strand.reconstruction.images.mask_parts import count_mask_parts, explain_many_parts
@@ -250,7 +251,7 @@ def _judge_mask(image: DepthImage, bounds: Box | None, radii: Array) -> tuple[st
         heights = _measure_above_table(image, rows[inside], columns[inside], float(radii[0]))
     if len(heights) < _MIN_COMPARISONS:
         return None, 0.0, False
-    height = float(np.median(heights)) / radii[0]
+    height = _core.find_median(heights) / radii[0]
     if height >= _MIN_HEIGHT:
         return None, 0.0, False
     scatter = estimate_deviation(heights / radii[0] - height)
@@ -287,16 +288,13 @@ def _measure_above_sides(
     depth = image.depth
     height, width = depth.shape
     own = depth[rows, columns]
-    step = 1.0 + reach * max(image.camera.focal) / float(np.median(own))
-    heights = []
-    for across, down in _SIDES:
-        du, dv = round(step * across), round(step * down)
-        in_image = (columns >= abs(du)) & (columns < width - abs(du)) & (rows >= dv) & (rows < height - dv)
-        v, u, sides = rows[in_image], columns[in_image], np.zeros(in_image.sum())
-        seen = np.ones(len(v), dtype=bool)
-        for sign in (-1, 1):
-            beside = depth[v + sign * dv, u + sign * du]
-            seen &= (beside > 0) & ~_shows_rope(image, bounds, v + sign * dv, u + sign * du)
-            sides += beside
-        heights.append((0.5 * sides - own[in_image])[seen])
-    return np.concatenate(heights)
+    step = 1.0 + reach * max(image.camera.focal) / _core.find_median(own)
+    du, dv = np.rint(step * np.array(_SIDES)).astype(np.intp).T[:, :, None]
+    # both ways to each side: (2, S, N)
+    u, v = np.stack([columns - du, columns + du]), np.stack([rows - dv, rows + dv])
+    inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
+    u, v = np.clip(u, 0, width - 1), np.clip(v, 0, height - 1)
+    beside = depth[v, u]
+    shown = _shows_rope(image, bounds, v.reshape(-1), u.reshape(-1)).reshape(v.shape)
+    seen = (inside & (beside > 0) & ~shown).all(axis=0)
+    return np.asarray((0.5 * beside.sum(axis=0) - own)[seen])

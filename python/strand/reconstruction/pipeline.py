@@ -30,6 +30,7 @@ from strand.views.box import Bounds, make_box
 from strand.views.extract import Extract, extract_views
 from strand.views.view import View, placed
 
+_USUAL = Config()
 _METHODS: dict[str, Callable[[Observed, Config, Run], Found]] = {
     "default": find_by_default,
     "published": find_published,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+import strand._core as _core
 from strand.geometry.plane import Plane
 from strand.reconstruction.images.table_plane import find_table, find_table_beside_ropes
 from strand.reconstruction.observing import Scene
@@ -24,7 +25,8 @@ _LEVEL_COSINE = np.cos(np.radians(2.0))  # of the angle between a normal and z: 
 _MIN_FACING = 0.1  # cosine between the table's normal and the side that the cameras look from
 _MAX_FLATNESS = 0.25  # extent of flat ropes across their plane, over the smaller one along it
 _MIN_FLAT_FACING = 0.5  # cosine between the normal of flat ropes and the side that the cameras look from
-_MAX_DEPTH = 3.0  # radii that a tenth of the nodes may lie below their table
+_MAX_DEPTH = 3.0  # radii: nodes may lie this deep below their table
+_MAX_SHARE_BELOW = 0.1  # of the nodes may lie deeper
 
 # poses by which the cameras look from beneath
 _UNDER_LEVEL_COSINE = np.cos(np.radians(20.0))  # of the angle between a table's normal and -z
@@ -103,7 +105,7 @@ def _doubt_poses(poses: Array, middle: Array, up: Array, table: Plane | None) ->
         return []
     amount = _UNSEEN_DOUBT if table is None else _UPTURNED_DOUBT
     height = middle @ USUAL_UP if table is None else table.offset
-    if abs(height) < _MAX_ORIGIN_HEIGHT * float(np.median(distances)):
+    if abs(height) < _MAX_ORIGIN_HEIGHT * _core.find_median(distances):
         amount = _DOWNWARD_DOUBT
     reason = (
         "by the poses the cameras look at the ropes from beneath; are poses camera-to-world, with x right, "
@@ -116,7 +118,7 @@ def _carries(table: Plane, chains: Sequence[Chain], seen_side: Array) -> bool:
     """Tell whether the cameras see the table's top, and the ropes lie above it."""
     heights = np.concatenate([table.measure_heights(chain.points) / chain.radius for chain in chains])
     faces = float(table.normal @ seen_side) > _MIN_FACING
-    return faces and float(np.percentile(heights, 10)) > -_MAX_DEPTH
+    return faces and int(np.count_nonzero(heights <= -_MAX_DEPTH)) <= _MAX_SHARE_BELOW * len(heights)
 
 
 def _find_table(scene: Scene, found: Found) -> Plane | None:

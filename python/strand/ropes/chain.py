@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -102,6 +103,10 @@ class Chain(Line):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        self._check_remarks()
+
+    def _check_remarks(self) -> None:
+        """Check everything but the nodes."""
         object.__setattr__(self, "confidence", check_fraction_or_nan("confidence", self.confidence))
         object.__setattr__(self, "doubts", check_instances("doubts", self.doubts, Doubt))
         object.__setattr__(self, "up", check_up("up", self.up))
@@ -189,3 +194,18 @@ class Chain(Line):
             wanted, got = ("a closed", "an open") if self.closed else ("an open", "a closed")
             raise ValueError(f"target: expected {wanted} line, as the chain, got {got} one")
         return compare_shapes(self, target)
+
+
+def remarked(chain: Chain, **remarks: Any) -> Chain:
+    """Return a chain with other remarks; its nodes stay, and are not checked again.
+
+    Parameters
+    ----------
+    chain : Chain
+    **remarks
+        Any of `confidence`, `doubts`, `up`, `label`, `color` and `hidden_ends`.
+    """
+    made = copy(chain)
+    made.__dict__.update(remarks)
+    made._check_remarks()
+    return made

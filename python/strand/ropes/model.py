@@ -21,7 +21,7 @@ from strand.export.usd import make_usd
 from strand.geometry.line import make_queries
 from strand.geometry.nearest import Nearest, find_nearest
 from strand.geometry.plane import Plane
-from strand.ropes.chain import Chain
+from strand.ropes.chain import Chain, remarked
 from strand.ropes.contacts import Contact, find_contacts
 from strand.ropes.crossings import Crossing, find_crossings, find_free_stretch, list_crossings
 from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
@@ -185,7 +185,7 @@ class Model:
             object.__setattr__(self, "table", check_table("table", self.table))
         object.__setattr__(self, "stamp", check_stamp("stamp", self.stamp))
         chains = (
-            chain if np.array_equal(chain.up, self.up) else replace(chain, up=self.up)
+            chain if np.array_equal(chain.up, self.up) else remarked(chain, up=self.up)
             for chain in self.chains
         )
         object.__setattr__(self, "chains", tuple(chains))

@@ -44,7 +44,7 @@ def doubt_ends_at_things(
     for number, chain in enumerate(chains):
         for at in () if chain.closed else (0.0, chain.length):
             inward = abs(at - min(_BACK * chain.radius, chain.length))
-            end, back = chain.at(at), chain.at(inward)
+            end, back = chain.at([at, inward])
             step = (end - back) / max(float(np.linalg.norm(end - back)), 1e-12) * chain.radius
             places = end + np.outer(_STEPS, step)
             if images and all(_hides(image, places, step, chain.radius, segmented) for image in images):

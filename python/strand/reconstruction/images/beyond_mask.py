@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 import strand._core as _core
-from strand.geometry.polyline import bound_polylines, measure_gaps
+from strand.geometry.polyline import bound_polylines, interpolate, measure_gaps, path_length
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
@@ -41,13 +42,57 @@ def doubt_ends_beyond_masks(
     radius : float
         Metres.
     """
+    ends = list(_find_ends(chains, radius))
+    if not ends:
+        return
+    places = np.vstack([end.places for end in ends])
+    outward = np.repeat([end.outward for end in ends], [len(end.places) for end in ends], axis=0)
+    heights = np.stack([_measure_heights(view, places, outward, radius) for view in views])
+    known = np.isfinite(heights) & (np.abs(heights) < _MAX_HEIGHT)
+    first = 0
+    for end in ends:
+        middle, last = first + end.beyond, first + len(end.places)
+        ahead, along = (
+            heights[:, some][known[:, some]] for some in (slice(first, middle), slice(middle, last))
+        )
+        first = last
+        if min(len(ahead), len(along)) < _MIN_DEPTHS:
+            continue
+        height, usual = _core.find_median(ahead), _core.find_median(along)
+        # a height is the depth of a disc against the mean of two beside it
+        chance = _DEVIATIONS * noise * np.sqrt(1.5 / 2.0 / max(len(ahead) / len(_PLACES), 1.0))
+        if usual > _MIN_HEIGHT:
+            share = ((height - chance) / usual - _NO_DOUBT_SHARE) / (_FULL_DOUBT_SHARE - _NO_DOUBT_SHARE)
+            reason = (
+                f"depth goes on as if the rope did: {height:.1f} radii before its surroundings, "
+                f"{usual:.1f} along the rope; the mask may have lost a piece"
+            )
+            amount = _DOUBT * min(max(share, 0.0), 1.0)
+            yield Doubt("end", amount, "where the rope ends", reason, end.place)
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """An end of a rope: its place, its unit direction, and the places to look at.
+
+    The first `beyond` of (K, 3) places lie beyond the end, the others on the rope.
+    """
+
+    place: Array
+    outward: Array
+    places: Array
+    beyond: int
+
+
+def _find_ends(chains: Sequence[Array], radius: float) -> Iterator[_End]:
+    """Yield the ends of long ropes, and places beyond them that no other stretch is near."""
     boxes = bound_polylines(chains)
     reach = (_PLACES[-1] + _MIN_OTHER_DISTANCE) * radius
     for number, nodes in enumerate(chains):
-        for way in (nodes, nodes[::-1]):
-            from_end = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
-            if from_end[-1] < 2.0 * _OWN * radius:
-                continue
+        along = path_length(nodes)
+        if along[-1] < 2.0 * _OWN * radius:
+            continue
+        for way, from_end in ((nodes, along), (nodes[::-1], along[-1] - along[::-1])):
             back = int(np.searchsorted(from_end, _PLACES[-1] * radius))
             outward = way[0] - way[back]
             outward /= max(float(np.linalg.norm(outward)), np.finfo(float).tiny)
@@ -56,31 +101,15 @@ def doubt_ends_beyond_masks(
             beyond = way[0] + radius * _PLACES[:, None] * outward
             away = _core.find_squared_distances(beyond, np.concatenate(others))
             beyond = beyond[away > (_MIN_OTHER_DISTANCE * radius) ** 2]
-            inside = np.column_stack([np.interp(_PLACES * radius, from_end, axis) for axis in way.T])
-            places = np.vstack([beyond, inside])
-            heights = np.stack([_measure_heights(view, places, outward, radius) for view in views])
-            known = np.isfinite(heights) & (np.abs(heights) < _MAX_HEIGHT)
-            ahead, along = (
-                heights[:, some][known[:, some]]
-                for some in (slice(len(beyond)), slice(len(beyond), len(places)))
-            )
-            if min(len(ahead), len(along)) < _MIN_DEPTHS:
-                continue
-            height, usual = float(np.median(ahead)), float(np.median(along))
-            # a height is the depth of a disc against the mean of two beside it
-            chance = _DEVIATIONS * noise * np.sqrt(1.5 / 2.0 / max(len(ahead) / len(_PLACES), 1.0))
-            if usual > _MIN_HEIGHT:
-                share = ((height - chance) / usual - _NO_DOUBT_SHARE) / (_FULL_DOUBT_SHARE - _NO_DOUBT_SHARE)
-                reason = (
-                    f"depth goes on as if the rope did: {height:.1f} radii before its surroundings, "
-                    f"{usual:.1f} along the rope; the mask may have lost a piece"
-                )
-                amount = _DOUBT * min(max(share, 0.0), 1.0)
-                yield Doubt("end", amount, "where the rope ends", reason, way[0])
+            inside = interpolate(_PLACES * radius, from_end, way)
+            yield _End(way[0], outward, np.vstack([beyond, inside]), len(beyond))
 
 
 def _measure_heights(view: DepthImage, places: Array, along: Array, radius: float) -> Array:
-    """(K,) Return how far depth at places is before that beside them, radii; NaN where some is missing."""
+    """(K,) Return how far depth at places is before that beside them, radii; NaN where some is missing.
+
+    Beside is at right angles to (K, 3) directions along the rope.
+    """
     aside = np.cross(along, places - view.pose[:3, 3])
     aside *= _ASIDE * radius / np.maximum(np.linalg.norm(aside, axis=1, keepdims=True), np.finfo(float).tiny)
     depths = _look_up_depth(view, np.vstack([places, places - aside, places + aside]))
