@@ -47,8 +47,10 @@ def check_node_values(name: str, value: ArrayLike, shape: tuple[int, ...], count
 
 def find_runs(marked: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return (K, 2) the first node of each marked stretch, and the one after its last."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8)))
-    return edges.astype(np.int64).reshape(-1, 2)
+    padded = np.zeros(len(marked) + 2, dtype=bool)
+    padded[1:-1] = marked
+    edges = np.flatnonzero(padded[1:] != padded[:-1])
+    return edges.astype(np.int64, copy=False).reshape(-1, 2)
 
 
 def order_segments(count: int, joins: Sequence[tuple[int, int]]) -> list[tuple[list[int], bool]]:

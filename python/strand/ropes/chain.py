@@ -123,7 +123,8 @@ class Chain(Line):
 
     def reversed(self) -> Self:
         """Return the same rope with its nodes in the other order."""
-        return replace(super().reversed(), hidden_ends=self.hidden_ends[::-1])
+        turned, ends = super().reversed(), self.hidden_ends[::-1]
+        return turned if ends == turned.hidden_ends else replace(turned, hidden_ends=ends)
 
     def _repr_html_(self) -> str:
         """Return HTML for notebooks: a small plot of the chain, and its numbers."""

@@ -11,6 +11,7 @@ import operator
 import os
 import reprlib
 from collections.abc import Iterable
+from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -406,14 +407,29 @@ def check_occluders(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDAr
 def check_rigid_motion(name: str, value: ArrayLike) -> Array:
     """Return `value` as a (4, 4) rigid motion; refuse rotations that scale, shear or mirror."""
     pose = check_small_array(name, value, (4, 4))
-    rotation = pose[:3, :3]
-    if np.abs(pose[3] - (0, 0, 0, 1)).max() > _MAX_LAST_ROW_ERROR:
+    *rows, last = pose.tolist()
+    if max(map(abs, (*last[:3], last[3] - 1.0))) > _MAX_LAST_ROW_ERROR:
         raise ValueError(f"{name}: expected the last row (0, 0, 0, 1), got {pose[3]}")
-    large = np.abs(rotation).max() > _MAX_ROTATION_ENTRY
-    skewed = large or np.abs(rotation @ rotation.T - np.eye(3)).max() > _MAX_ROTATION_ERROR
-    if skewed or np.linalg.det(rotation) < 0:
+    if not _is_rotation([row[:3] for row in rows]):
         raise ValueError(f"{name}: expected a rigid motion, but its (3, 3) part is not a rotation")
     return pose
+
+
+def _is_rotation(rows: list[list[float]]) -> bool:
+    """Tell whether the rows of a (3, 3) matrix are orthogonal unit vectors, right-handed."""
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = rows
+    if max(map(abs, chain.from_iterable(rows))) > _MAX_ROTATION_ENTRY:
+        return False
+    errors = (
+        ax * ax + ay * ay + az * az - 1.0,
+        bx * bx + by * by + bz * bz - 1.0,
+        cx * cx + cy * cy + cz * cz - 1.0,
+        ax * bx + ay * by + az * bz,
+        ax * cx + ay * cy + az * cz,
+        bx * cx + by * cy + bz * cz,
+    )
+    volume = cx * (ay * bz - az * by) + cy * (az * bx - ax * bz) + cz * (ax * by - ay * bx)
+    return max(map(abs, errors)) <= _MAX_ROTATION_ERROR and volume > 0.0
 
 
 def check_intrinsics(name: str, value: ArrayLike) -> Array:

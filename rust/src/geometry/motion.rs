@@ -58,7 +58,12 @@ impl RigidMotion {
     /// Returns R x + t.
     #[inline]
     pub fn apply(&self, x: Point) -> Point {
-        (self.rotation * Vector3::from(x) + self.translation).into()
+        let (r, t) = (&self.rotation, &self.translation);
+        let mut moved = [0.0; 3];
+        for k in 0..3 {
+            moved[k] = r[(k, 0)] * x[0] + r[(k, 1)] * x[1] + r[(k, 2)] * x[2] + t[k];
+        }
+        moved
     }
 
     /// Returns the motion that applies `first` and then this one.

@@ -39,11 +39,13 @@ impl Pieces {
         let first = (u.max(0.0) as usize).min(self.spans.len() - 1);
         let t = u - first as f64;
         let c = &self.spans[first];
-        Place {
-            position: std::array::from_fn(|k| c[0][k] + t * (c[1][k] + t * (c[2][k] + t * c[3][k]))),
-            first: std::array::from_fn(|k| c[1][k] + t * (2.0 * c[2][k] + t * (3.0 * c[3][k]))),
-            second: std::array::from_fn(|k| 2.0 * c[2][k] + 6.0 * t * c[3][k]),
+        let mut place = Place { position: c[0], first: c[1], second: c[2] };
+        for k in 0..3 {
+            place.position[k] = c[0][k] + t * (c[1][k] + t * (c[2][k] + t * c[3][k]));
+            place.first[k] = c[1][k] + t * (2.0 * c[2][k] + t * (3.0 * c[3][k]));
+            place.second[k] = 2.0 * c[2][k] + 6.0 * t * c[3][k];
         }
+        place
     }
 
     /// Returns the coefficients of 1, t, t² and t³ of a span.

@@ -22,13 +22,13 @@ pub fn cross(a: Point, b: Point) -> Point {
 #[inline]
 pub fn normalized(a: Point) -> Point {
     let length = dot(a, a).sqrt();
-    if length > 0.0 { a.map(|x| x / length) } else { a }
+    if length > 0.0 { [a[0] / length, a[1] / length, a[2] / length] } else { a }
 }
 
 /// Returns p + s d.
 #[inline]
 pub fn advance(p: Point, s: f64, d: Point) -> Point {
-    std::array::from_fn(|k| p[k] + s * d[k])
+    [p[0] + s * d[0], p[1] + s * d[1], p[2] + s * d[2]]
 }
 
 #[inline]
@@ -42,10 +42,12 @@ pub fn squared_distance(a: Point, b: Point) -> f64 {
 #[inline]
 pub fn cell_of(p: Point, cell: f64) -> [i64; 3] {
     let inverse = 1.0 / cell;
-    p.map(|x| {
-        let cells = x * inverse;
-        (cells as i64).saturating_sub(i64::from(cells < 0.0))
-    })
+    let mut cells = [0; 3];
+    for k in 0..3 {
+        let place = p[k] * inverse;
+        cells[k] = (place as i64).saturating_sub(i64::from(place < 0.0));
+    }
+    cells
 }
 
 /// Returns the mean of points; the origin for none. It adds them in order, so equal input gives equal bits.

@@ -60,7 +60,8 @@ impl Simd for Avx2 {
             InRegister(_mm256_set1_ps(x))
         }
         fn transpose8(self, rows: [InRegister; LANES]) -> [Lanes; LANES] {
-            let [a, b, c, d, e, f, g, h] = rows.map(|row| row.0);
+            let [InRegister(a), InRegister(b), InRegister(c), InRegister(d), late @ ..] = rows;
+            let [InRegister(e), InRegister(f), InRegister(g), InRegister(h)] = late;
             let (ab, cd) = (_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d));
             let (ef, gh) = (_mm256_unpacklo_ps(e, f), _mm256_unpacklo_ps(g, h));
             let (ab_late, cd_late) = (_mm256_unpackhi_ps(a, b), _mm256_unpackhi_ps(c, d));
@@ -73,7 +74,8 @@ impl Simd for Avx2 {
                 [_mm256_shuffle_ps::<0xee>(ab_late, cd_late), _mm256_shuffle_ps::<0xee>(ef_late, gh_late)],
             ];
             let mut columns = [Lanes::all(0.0); LANES];
-            for (i, [first, second]) in halves.into_iter().enumerate() {
+            for i in 0..4 {
+                let [first, second] = halves[i];
                 // SAFETY: there is room for eight numbers, aligned
                 unsafe {
                     let (low, high) = (columns[i].0.as_mut_ptr(), columns[i + 4].0.as_mut_ptr());

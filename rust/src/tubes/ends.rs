@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::geometry::arclength::{ByLength, unit_tangent};
 use crate::geometry::median::median;
 use crate::geometry::{Point, advance, dot, sub};
+use crate::simd::LANES;
 use crate::tubes::tubefit::Tube;
 
 const BIN: f64 = 0.5; // width of the bins in which points are counted, radii
@@ -129,15 +130,23 @@ fn find_end(s: &[f64], length: f64, radius: f64) -> f64 {
     }
     let density = inside as f64 / (far - near);
     // another strand may occlude part of the inside and lower the density: no end lies beyond all points
-    let [_, second] =
-        s.iter().fold(
-            [f64::INFINITY; 2],
-            |[first, second], &s| {
-                if s < first { [s, first] } else { [first, second.min(s)] }
-            },
-        );
+    let second = find_second(s);
     let end = (near - beyond as f64 / density).max(second - 1.0 / density);
     end.max((about - REACH * radius).max(0.0)).min(about + REACH * radius)
+}
+
+/// Returns the second smallest of at least two numbers.
+fn find_second(values: &[f64]) -> f64 {
+    // lane by lane, so that no comparison waits for the one before
+    let (mut first, mut second) = ([f64::INFINITY; LANES], [f64::INFINITY; LANES]);
+    for values in values.chunks(LANES) {
+        for (l, &value) in values.iter().enumerate() {
+            second[l] = second[l].min(first[l].max(value));
+            first[l] = first[l].min(value);
+        }
+    }
+    let mut least = [first, second].concat();
+    *least.select_nth_unstable_by(1, f64::total_cmp).1
 }
 
 /// A place on a strand's axis.

@@ -20,7 +20,7 @@ LISTED = {
     "python/arrays.rs": 5,
     "python/called.rs": 1,
     "simd.rs": 4,
-    "simd/avx2.rs": 8,
+    "simd/avx2.rs": 9,
     "simd/avx512.rs": 8,
     "simd/proven.rs": 2,
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -83,11 +84,16 @@ def estimate_excess(cosine: float, band: float) -> tuple[float, float]:
         How far inside the surface a point may be, radii.
     """
     sine = math.sqrt(1.0 - cosine**2)
-    # a point of the cut, h under the rim on a chord of half width w, is h w from the surface
-    area = 2.0 * float(np.minimum(2.0 * _HALF_WIDTHS, band / _HALF_WIDTHS).mean())
-    flat = area * max(cosine, 0.0) / (2.0 * sine)
+    flat = _measure_cut(band) * max(cosine, 0.0) / (2.0 * sine)
     round_cap = math.pi / 4.0 * (1.0 / sine - 1.0)
     return 0.5 * (flat + round_cap), 0.5 * abs(flat - round_cap)
+
+
+@lru_cache(maxsize=16)
+def _measure_cut(band: float) -> float:
+    """Return the area of a flat cut, square radii, whose points are up to `band` radii inside the surface."""
+    # a point of the cut, h under the rim on a chord of half width w, is h w from the surface
+    return 2.0 * float(np.minimum(2.0 * _HALF_WIDTHS, band / _HALF_WIDTHS).mean())
 
 
 def estimate_pixel_width(count: int, length: float, sine: float, radius: float) -> float:

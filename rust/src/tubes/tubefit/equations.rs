@@ -91,7 +91,7 @@ impl State<'_> {
                     sums.add_band_to(&mut bands[sums.curve][sums.first]);
                     let start = layout.offsets[sums.curve] + 3 * sums.first;
                     for i in 0..WIDTH {
-                        let border = sums.border(i).map(|sum| -scale * sum);
+                        let border = sums.border(i, -scale);
                         right_band[start + i] -= border[RESIDUAL];
                         if let Some(column) = column {
                             matrix.add_border(start + i, column, &border[..6]);
@@ -105,11 +105,11 @@ impl State<'_> {
                     std::array::from_fn(|k| if k < 6 { column.map(|column| column + k) } else { radius });
                 for (from, to) in edges.iter().enumerate() {
                     let Some(to) = *to else { continue };
-                    let corner = sums.corner(from);
-                    right_border[to] -= scale * corner[RESIDUAL];
-                    for (sum, column) in corner.iter().zip(&edges[..=from]) {
+                    let corner = sums.corner(from, scale);
+                    right_border[to] -= corner[RESIDUAL];
+                    for (&sum, column) in corner.iter().zip(&edges[..=from]) {
                         if let Some(column) = *column {
-                            matrix.add_corner(to, column, scale * sum);
+                            matrix.add_corner(to, column, sum);
                         }
                     }
                 }

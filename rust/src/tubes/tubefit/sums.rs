@@ -176,16 +176,16 @@ impl SpanSums {
         }
     }
 
-    /// Returns the sums of a control point's coordinate with all features.
+    /// Returns the sums of a control point's coordinate with all features, times a factor.
     #[inline(always)]
-    pub(super) fn border(&self, row: usize) -> [f64; LANES] {
-        self.border[row / 3][row % 3].0.map(f64::from)
+    pub(super) fn border(&self, row: usize, factor: f64) -> [f64; LANES] {
+        multiply(&self.border[row / 3][row % 3], factor)
     }
 
-    /// Returns the sums of a feature with all features.
+    /// Returns the sums of a feature with all features, times a factor.
     #[inline(always)]
-    pub(super) fn corner(&self, feature: usize) -> [f64; LANES] {
-        self.corner[feature].0.map(f64::from)
+    pub(super) fn corner(&self, feature: usize, factor: f64) -> [f64; LANES] {
+        multiply(&self.corner[feature], factor)
     }
 }
 
@@ -206,4 +206,13 @@ impl Band {
             }
         }
     }
+}
+
+#[inline(always)]
+fn multiply(lanes: &Lanes, factor: f64) -> [f64; LANES] {
+    let mut products = [0.0; LANES];
+    for l in 0..LANES {
+        products[l] = factor * f64::from(lanes.0[l]);
+    }
+    products
 }
