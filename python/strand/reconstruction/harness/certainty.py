@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -34,6 +35,10 @@ _SHORT_DOUBT = 0.25  # doubt of each
 _NEAR_END = 4.0  # radii: ends nearer than this to another strand may belong to it
 _LEVEL = 0.6  # difference of heights of strands beside each other at most, sums of their radii
 _NEAR_DOUBT = 0.15  # doubt of each
+_GAP = 5.0  # length of a gap in which a strand may go on at most, greater radii of its sides
+_GAP_REACH = 4.0  # length of the end that tells where it points, radii
+_FACING = 0.3  # cosine of the angle between an end and the way across the gap at least
+_GAP_DOUBT = 0.35  # doubt of each
 _BENT = np.radians(65.0)  # radians: turn of an edge close to its junction that is no rope's
 _BENT_REACH = (1.5, 6.0)  # radii from the junction between which it turns
 _BENT_DOUBT = 0.15  # doubt of each
@@ -115,8 +120,12 @@ def judge(found: FoundHarness, graph: Graph, chains: Sequence[Chain]) -> Certain
     if left > 0.0:
         reason = f"{100.0 * (left + _LEFT_SHARE):.0f} % of the points lie on no strand"
         doubts.append(Doubt("left out", _LEFT_DOUBT * left, "what is there", reason))
-    of_edges, of_ends = _doubt_edges(graph, chains), _doubt_ends(graph, chains, found.ground.up)
-    return Certainty(nodes, crossings, [*doubts, *of_edges, *of_ends, *_doubt_lost_wires(found, graph)])
+    doubts += _doubt_edges(graph, chains)
+    doubts += _doubt_ends(graph, chains, found.ground.up)
+    # on a table, the map shows that nothing lies between ends
+    doubts += _doubt_gaps(graph, chains) if found.ground.table is None else []
+    doubts += _doubt_lost_wires(found, graph)
+    return Certainty(nodes, crossings, doubts)
 
 
 _WHY_JOINED = "a crossing, or an end that lies on a strand, explains it nearly as well"
@@ -197,6 +206,26 @@ def _doubt_ends(graph: Graph, chains: Sequence[Chain], up: Array) -> list[Doubt]
                     reason = "a strand ends beside another one: they may be joined"
                     doubts.append(Doubt("end", _NEAR_DOUBT, "whether a strand ends", reason, tip))
                     break
+    return doubts
+
+
+def _doubt_gaps(graph: Graph, chains: Sequence[Chain]) -> list[Doubt]:
+    """Doubt free ends that point at each other across a gap: a strand may go on where no camera saw it."""
+    tips = []
+    for number, (pair, chain) in enumerate(zip(graph.pairs, chains, strict=True)):
+        for late, node in enumerate(pair):
+            if graph.degrees[node] == 1:
+                s = min(_GAP_REACH * chain.radius, 0.5 * chain.length)
+                tip, inner = chain.at([chain.length, chain.length - s] if late else [0.0, s])
+                tips.append((number, tip, (tip - inner) / max(float(np.linalg.norm(tip - inner)), 1e-12)))
+    doubts = []
+    for (some, tip, outward), (other, ahead, back) in combinations(tips, 2):
+        way = ahead - tip
+        length = float(np.linalg.norm(way))
+        faces = min(float(way @ outward), -float(way @ back)) > _FACING * length
+        if some != other and faces and length < _GAP * max(chains[some].radius, chains[other].radius):
+            reason = f"strands end {1e3 * length:.0f} mm apart, and point at each other"
+            doubts.append(Doubt("end", _GAP_DOUBT, "whether strands end", reason, tip + 0.5 * way))
     return doubts
 
 

@@ -80,3 +80,13 @@ def test_a_strand_that_bends_sharply_between_junctions_keeps_its_length():
     ]
     true = np.linalg.norm(np.diff(made.truth[number], axis=0), axis=1).sum()
     assert inner.length == pytest.approx(true, rel=0.15)
+
+
+def test_a_branch_that_no_camera_saw_leaves_a_doubt_of_the_gap():
+    made = harness("air", seed=1041011, views=1, noise=Noise(depth=0.0005))
+    model = strand.reconstruct(made.views, sorted(set(made.radii)), made.bounds, branches=True)
+    assert len(model.harness.edges) < len(made.edges)
+    (doubt,) = [doubt for doubt in model.doubts if "point at each other" in doubt.reason]
+    missed = made.nodes[2]
+    assert np.linalg.norm(doubt.place - missed) < 3.0 * max(made.radii)
+    assert model.confidence < 0.8
