@@ -58,9 +58,22 @@ def _count_below(view: View, table: Plane, end: Array, radius: float, lines: Arr
     """Return how many points near an end lie clearly below a table, off the lines (M, 3) of all ropes."""
     near = _select_near(view, end, _REACH * radius)
     heights = table.measure_heights(near[_core.find_squared_distances(near, lines) > (_OWN * radius) ** 2])
+    return int(np.count_nonzero(heights < -find_depth(heights, radius)))
+
+
+def find_depth(heights: Array, radius: float) -> float:
+    """Return how deep points beyond a table's edge lie under its plane at least, metres.
+
+    Parameters
+    ----------
+    heights : (N,) ndarray
+        Of points over the plane, those of the table among them, metres.
+    radius : float
+        Of the ropes, metres.
+    """
     on_table = np.abs(heights[np.abs(heights) < _BELOW * radius])
     scatter = _DEVIATION_OF_MEDIAN * _core.find_median(on_table) if len(on_table) else 0.0
-    return int(np.count_nonzero(heights < -max(_BELOW * radius, _DEVIATIONS * scatter)))
+    return float(max(_BELOW * radius, _DEVIATIONS * scatter))
 
 
 def _select_near(view: View, place: Array, reach: float) -> Array:

@@ -12,6 +12,7 @@ import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.geometry.plane import Plane
 from strand.reconstruction.evidence.depth_errors import MIN_CORRELATION
+from strand.reconstruction.finding.table_edge import find_depth
 from strand.reconstruction.images.pixel_errors import correlate_neighbors
 from strand.reconstruction.images.table_plane import find_table, find_table_beside_ropes
 from strand.reconstruction.stages import Observed
@@ -22,10 +23,7 @@ from strand.views.view import cropped
 _MAX_POINTS = 20_000  # of a cloud in which a table is sought
 _FLOOR_HEIGHT = 0.5  # of points of the table at most, least radii
 _LOWEST = 0.5  # height of points of ropes over the table at least, least radii
-_BELOW = 1.5  # depth of points beyond the table's edge under its plane at least, greatest radii
-_DEVIATIONS = 6.0  # the same, standard deviations of the heights of the table
-_DEVIATION_OF_MEDIAN = 1.5  # standard deviation over the median of absolute heights, rounded up
-_MIN_POINTS = 10  # beyond the edge: fewer are outliers
+_MIN_POINTS = 10  # beyond the table's edge: fewer are outliers
 _BESIDE_BELOW = 3.0  # distance from these of a rope's other points there at most, greatest radii
 _BESIDE = 12  # pixels around the ropes in which points of the table are taken
 _FEW = 8  # neighbours within the least radius of points of a strand in the air at least
@@ -114,9 +112,9 @@ def find_ground(observed: Observed, radii: tuple[float, float]) -> Ground:
     if table is not None:
         # errors of the poses had let points of the table into the extraction range
         around = [_collect_points(observed, place) for place in range(len(clouds))]
-        edge = _find_depth(around[held], table, radii[1])
+        depth = find_depth(table.measure_heights(around[held]), radii[1])
         standing = [
-            _find_standing(moved(cloud, motion), table, radii, edge)
+            _find_standing(moved(cloud, motion), table, radii, depth)
             for cloud, motion in zip(clouds, motions, strict=True)
         ]
         clouds = [cloud[chosen] for cloud, chosen in zip(clouds, standing, strict=True)]
@@ -170,14 +168,6 @@ def _find_spare(
     points = points[table.measure_heights(moved(points, motion)) > radius]
     points = points[_core.find_squared_distances(points, given) > _SAME**2]
     return points[_core.count_neighbors(points, _SPARE_REACH * radius) >= _FEW]
-
-
-def _find_depth(around: Array, table: Plane, radius: float) -> float:
-    """Return how deep points beyond the edge of a table lie under its plane at least, metres."""
-    heights = np.abs(table.measure_heights(around))
-    on_table = heights[heights < _BELOW * radius]
-    scatter = _DEVIATION_OF_MEDIAN * float(np.median(on_table)) if len(on_table) else 0.0
-    return max(_BELOW * radius, _DEVIATIONS * scatter)
 
 
 def _find_standing(
