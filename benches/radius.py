@@ -52,8 +52,8 @@ def main() -> int:
         model = strand.reconstruct([frames.load_view(frame)], ropes=1, keep_stages=True)
         chain, fit = model.chains[0], model.stages.get("fit")
         # answers from images have no fit of tubes
-        residual = np.nan if fit is None else np.sqrt((fit.residual[fit.inlier] ** 2).mean())
-        print_row(frame, *(f"{value * 1e3:.2f}" for value in (chain.radius, chain.radius_sd, residual)))
+        residual = "" if fit is None else f"{1e3 * np.sqrt((fit.residual[fit.inlier] ** 2).mean()):.2f}"
+        print_row(frame, *(f"{1e3 * value:.2f}" for value in (chain.radius, chain.radius_sd)), residual)
     return 0
 
 

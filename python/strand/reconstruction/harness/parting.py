@@ -23,12 +23,14 @@ _MAX_BACK = 5.0  # distance of the place where they meet from the hub at most, h
 _MIN_NARROWING = 0.02  # slope of the half width at least
 
 
-def find_tip(port: Port, middle: Array, other: Array, base: float | None, drawn: SurfaceMap) -> Array:
+def find_tip(
+    port: Port, middle: Array, other: Array, further: Array, base: float | None, drawn: SurfaceMap
+) -> Array:
     """Return where a strand ends that lies on another one, or under it.
 
     On top it goes on, perhaps in an arc, while the surface is high over `base`, the height of the other,
-    whose cells (M, 2) are `other`. Beside the other, or under it, where `base` is None, it goes on to the
-    edge of the mask.
+    whose cells (M, 2) are `other`. Beside the other it goes on to the edge of the mask, or to cells (K, 2)
+    of further strands. Under it, where `base` is None, it goes straight on so far.
     """
     level = -np.inf if base is None else 0.5 * (port.near + base)
     beside = (_BESIDE * float(np.median(drawn.sample_widths(other)))) ** 2
@@ -38,17 +40,25 @@ def find_tip(port: Port, middle: Array, other: Array, base: float | None, drawn:
     steps = 0.5 * np.arange(int(2.0 * _MAX_OVERHANG * port.half_width))
     side = np.array([-along[1], along[0]])
     found = []
-    for bend in _BENDS / port.half_width:
+    for bend in (0.0,) if base is None else _BENDS / port.half_width:
         # a parabola is near enough to an arc
         places = ahead + steps[:, None] * along + 0.5 * bend * steps[:, None] ** 2 * side
         heights = drawn.sample_heights(places)
-        away = _core.find_squared_distances(np.pad(places, ((0, 0), (0, 1))), np.pad(other, ((0, 0), (0, 1))))
-        gone = ~drawn.hold(places) | ((heights < level) & (away < beside))
+        gone = ~drawn.hold(places) | ((heights < level) & (_measure_away(places, other) < beside))
+        gone |= _measure_away(places, further) < beside
         count = max(int(np.argmax(np.append(gone[1:], True))), 1)
         found.append((count, float(heights[:count].mean()), places[count - 1]))
     longest = max(count for count, _, _ in found)
     likely = [one for one in found if one[0] >= longest - 2.0 * port.half_width]
     return np.asarray(max(likely, key=lambda one: one[1])[2])
+
+
+def _measure_away(places: Array, cells: Array) -> Array:
+    """Return the squared distance (M,) of each place (M, 2) from the nearest of some cells (K, 2)."""
+    if not len(cells):
+        return np.full(len(places), np.inf)
+    flat = ((0, 0), (0, 1))
+    return _core.find_squared_distances(np.pad(places, flat), np.pad(cells, flat))
 
 
 def find_parting(place: Array, own: Sequence[Port], lines: Lines, drawn: SurfaceMap) -> Array:

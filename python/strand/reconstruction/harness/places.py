@@ -127,8 +127,11 @@ def collect_decisions(lines: Lines, drawn: SurfaceMap, places: Sequence[Place]) 
             port = group.ports[reading.laid]
             base = None if reading.under else reading.heights[0]
             ((some, other),) = reading.pairs
-            cells = [lines.arcs[arc].from_end(end) for arc, end in (ends[some], ends[other])]
-            tip = find_tip(port, group.middle, np.concatenate(cells), base, drawn)
+            passed = np.concatenate([lines.arcs[ends[own][0]].cells for own in (some, other)])
+            near = {*group.inner, *(arc for arc, _ in ends)}
+            further = [arc.cells for number, arc in enumerate(lines.arcs) if number not in near]
+            cells = np.concatenate([np.zeros((0, 2)), *further])
+            tip = find_tip(port, group.middle, passed, cells, base, drawn)
             laid.append(LaidEnd(ends[reading.laid], tip, reading.under))
         if reading.junction:
             own = [group.ports[port] for port in reading.junction]
