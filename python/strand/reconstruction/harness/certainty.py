@@ -35,6 +35,8 @@ _SHORT_DOUBT = 0.25  # doubt of each
 _NEAR_END = 4.0  # radii: ends nearer than this to another strand may belong to it
 _LEVEL = 0.6  # difference of heights of strands beside each other at most, sums of their radii
 _NEAR_DOUBT = 0.15  # doubt of each
+_INSIDE = 0.85  # distance of an end from another strand's axis where one is inside the other, sums of radii
+_INSIDE_DOUBT = 0.5  # doubt of such an end
 _GAP = 5.0  # length of a gap in which a strand may go on at most, greater radii of its sides
 _GAP_REACH = 4.0  # length of the end that tells where it points, radii
 _FACING = 0.3  # cosine of the angle between an end and the way across the gap at least
@@ -199,12 +201,14 @@ def _doubt_ends(graph: Graph, chains: Sequence[Chain], up: Array) -> list[Doubt]
                 continue
             tip = chain.points[-late]
             for other in [other for k, other in enumerate(chains) if k != number]:
-                offsets = other.points - tip
-                level = np.abs(offsets @ up) < _LEVEL * (chain.radius + other.radius)
-                near = np.einsum("ij,ij->i", offsets, offsets) < (_NEAR_END * chain.radius) ** 2
-                if (level & near).any():
+                offsets, reach = other.points - tip, chain.radius + other.radius
+                away = np.linalg.norm(offsets[np.abs(offsets @ up) < _LEVEL * reach], axis=1)
+                nearest = float(away.min(initial=np.inf))
+                if nearest < _NEAR_END * chain.radius:
+                    # ropes do not lie inside each other
+                    amount = _INSIDE_DOUBT if nearest < _INSIDE * reach else _NEAR_DOUBT
                     reason = "a strand ends beside another one: they may be joined"
-                    doubts.append(Doubt("end", _NEAR_DOUBT, "whether a strand ends", reason, tip))
+                    doubts.append(Doubt("end", amount, "whether a strand ends", reason, tip))
                     break
     return doubts
 
