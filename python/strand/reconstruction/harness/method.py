@@ -101,7 +101,7 @@ def find_harnesses(
 
     From above, no strand hides another's side, but one view does not see what lies behind strands. From the
     cameras nothing is missing, but strands that lie one behind the other look as if they met. The methods for
-    ropes see through tangles, but know no junctions; nothing is yielded if they are not sure.
+    ropes see through tangles in single views, but know no junctions; nothing is yielded if they are not sure.
 
     Parameters
     ----------
@@ -148,8 +148,9 @@ def find_harnesses(
     if _LEAST_COSINE < float(toward @ ground.up) < _SAME_COSINE and not run.skips(SECOND_LOOK):
         with contextlib.suppress(NotEnoughDataError):
             yield _answer(_look(ground, toward, asked), by_tubes, asked)
-    if not run.skips(AS_ROPES):
-        # images are read for ropes of one radius alone, and each of several would take long
+    # several views tell strands apart, and reading all their images would take long
+    if len(observed.views) == 1 and not run.skips(AS_ROPES):
+        # the image is read for ropes of one radius alone, as each of several would take long, too
         last = _find_ropes(
             above, lambda some: asked.trace(some, find_chains) if len(some) == 1 else Ropes([], 0.0), asked
         )
