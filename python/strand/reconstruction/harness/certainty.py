@@ -14,6 +14,7 @@ from strand.reconstruction.harness.method import FoundHarness
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
+from strand.support.robust import estimate_deviation
 
 _JUNCTION = 0.985  # confidence of a junction that nothing speaks against
 _SLOW = 0.92  # of it where branches part slowly, so that the place is not sure
@@ -45,6 +46,11 @@ _BENT = np.radians(65.0)  # radians: turn of an edge close to its junction that 
 _BENT_REACH = (1.5, 6.0)  # radii from the junction between which it turns
 _BENT_DOUBT = 0.15  # doubt of each
 _LOST_WIRES = 0.7  # doubt of a junction at which wires that lie side by side do not add up
+_STRETCHES = 8  # of equal numbers of points; the first and the last one do not tell
+_FEWEST = 25  # points of each at least
+_UNEVEN = 1.55  # scatter of one stretch at least, that of the median one
+_SMOOTH = 0.05  # the same, radii
+_UNEVEN_DOUBT = 0.4  # doubt of each such strand
 _LEFT_SHARE = 0.04  # share of points beside all tubes that raises no doubt
 _LEFT_DOUBT = 5.0  # doubt for all points beyond
 
@@ -127,6 +133,7 @@ def judge(found: FoundHarness, graph: Graph, chains: Sequence[Chain]) -> Certain
     # on a table, the map shows that nothing lies between ends
     doubts += _doubt_gaps(graph, chains) if found.ground.table is None else []
     doubts += _doubt_lost_wires(found, graph)
+    doubts += _doubt_uneven(found)
     return Certainty(nodes, crossings, doubts)
 
 
@@ -230,6 +237,26 @@ def _doubt_gaps(graph: Graph, chains: Sequence[Chain]) -> list[Doubt]:
         if some != other and faces and length < _GAP * max(chains[some].radius, chains[other].radius):
             reason = f"strands end {1e3 * length:.0f} mm apart, and point at each other"
             doubts.append(Doubt("end", _GAP_DOUBT, "whether strands end", reason, tip + 0.5 * way))
+    return doubts
+
+
+def _doubt_uneven(found: FoundHarness) -> list[Doubt]:
+    """Doubt round strands off whose surface points lie farther in one stretch than in the others.
+
+    There two strands run side by side, say.
+    """
+    fit, doubts = found.fitted.fit, []
+    for number in np.flatnonzero(~found.beside.flat).tolist():
+        own = np.flatnonzero(fit.curve == number)
+        if len(own) < _STRETCHES * _FEWEST:
+            continue
+        stretches = np.array_split(own[np.argsort(fit.parameter[own], kind="stable")], _STRETCHES)[1:-1]
+        scatter = np.array([estimate_deviation(fit.residual[stretch]) for stretch in stretches])
+        worst = int(scatter.argmax())
+        if scatter[worst] > max(_UNEVEN * float(np.median(scatter)), _SMOOTH * fit.radius(number)):
+            reason = "in one stretch, points lie farther off the strand's surface than elsewhere"
+            place = fit.points[stretches[worst]].mean(axis=0)
+            doubts.append(Doubt("rival", _UNEVEN_DOUBT, "whether two strands run there", reason, place))
     return doubts
 
 

@@ -90,3 +90,11 @@ def test_a_branch_that_no_camera_saw_leaves_a_doubt_of_the_gap():
     missed = made.nodes[2]
     assert np.linalg.norm(doubt.place - missed) < 3.0 * max(made.radii)
     assert model.confidence < 0.8
+
+
+def test_branches_side_by_side_all_the_way_are_no_sure_rope():
+    made = harness("air", seed=1097002, views=7, noise=Noise(depth=0.00039))
+    model = strand.reconstruct(made.views, None, made.bounds, branches=True)
+    assert len(model.harness.edges) < len(made.edges)
+    assert any("farther off the strand's surface" in doubt.reason for doubt in model.doubts)
+    assert model.confidence < 0.8
