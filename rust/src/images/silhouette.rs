@@ -173,8 +173,8 @@ impl Silhouette {
         }
     }
 
-    /// Projects the pixels near the edge, from which they are `away`, onto it: one for each pixel of edge, or for each third of the radius of a
-    /// thicker rope.
+    /// Projects the pixels near the edge, from which they are `away`, onto it: one for each pixel of edge, or for each
+    /// third of the radius of a thicker rope.
     fn find_boundary(&mut self, away: &Image<f64>) {
         let step = ((self.radius_px / 3.0).round() as usize).max(1);
         let near = 0.5 * step as f64;

@@ -15,6 +15,7 @@ from strand.config import Config
 from strand.geometry.curve import Curve
 from strand.geometry.polyline import path_length
 from strand.reconstruction.harness.flat_bundles import FlatBundles
+from strand.reconstruction.harness.ports import measure_angle
 from strand.reconstruction.harness.strands import Strand, list_pairs
 from strand.reconstruction.harness.wires import Possible, choose_radii
 from strand.reconstruction.tubes.clouds import Clouds
@@ -373,9 +374,8 @@ def _continue_inward(outward: Sequence[Array], radii: Sequence[float], own: int)
 
 def _measure_turn(way: Array) -> float:
     """Return the angle between the first and the last step of a way, radians."""
-    first, last = way[1] - way[0], way[-1] - way[-2]
-    lengths = max(float(np.linalg.norm(first) * np.linalg.norm(last)), 1e-18)
-    return float(np.arccos(np.clip(first @ last / lengths, -1.0, 1.0)))
+    steps = np.array([way[1] - way[0], way[-1] - way[-2]])
+    return measure_angle(*(steps / np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1e-12)))
 
 
 def _bend_to(chain: Chain, strand: Strand, places: Array) -> Chain:
