@@ -32,6 +32,9 @@ _CORNER = 2.0  # length at a free end in which the middle line runs to a corner,
 _MARCH = 0.25  # step in which the middle is sought there, half widths
 _MAX_MARCHES = 40
 _SIDES = 2.0  # half widths: distance from the middle line in which a strand's sides are sought
+_SIDE_STEP = 0.5  # cells: the steps in which they are sought
+_EVEN = 0.15  # difference of a strand's width from its usual one where its sides tell its middle, widths
+_ROUNDS = 2  # of moving a strand to the middle between its sides
 _WHOLE = 0.8  # of its width: shorter cuts go through a corner
 
 
@@ -162,9 +165,11 @@ def _measure_shape(strand: Strand, drawn: SurfaceMap, table: Plane) -> tuple[flo
     _, backs = _sample_across(places, strand.half_width / drawn.cell, drawn)
     low, height = np.percentile(table.measure_heights(drawn.lift(places, backs)), (_LOW, 50.0)).tolist()
     # a map drawn aslant shows flat strands narrower
-    steps = drawn.lift(places + _find_normals(places), heights) - drawn.lift(places, heights)
-    aslant = np.linalg.norm(steps, axis=1) / drawn.cell
-    return height, low, float(np.median(aslant)) * strand.half_width
+    across = _find_normals(places)
+    steps = drawn.lift(places + across, heights) - drawn.lift(places, heights)
+    aslant = np.linalg.norm(steps, axis=1)
+    low_side, high_side = _find_sides(places, across, strand.half_width / drawn.cell, drawn)
+    return height, low, 0.5 * float(np.median(aslant * (high_side - low_side)))
 
 
 def hold_at_ties(
@@ -186,29 +191,31 @@ def hold_at_ties(
         if half == 0.0:
             continue
         others = [places[::-1] for _, places in at if places is not trunk]
-        tie = _find_tie(trunk, others, half / drawn.cell, bundles.radius / drawn.cell, drawn)
+        near = np.stack([junction.place, junction.hub])
+        tie = _find_tie(trunk, others, near, half / drawn.cell, bundles.radius / drawn.cell, drawn)
         if tie is not None:
             junctions[number] = replace(junction, place=tie, tied=True)
     return replace(decided, junctions=junctions)
 
 
 def _find_tie(
-    places: Array, others: Sequence[Array], half: float, wire: float, drawn: SurfaceMap
+    places: Array, others: Sequence[Array], near: Array, half: float, wire: float, drawn: SurfaceMap
 ) -> Array | None:
-    """Return the cell of the last tie near the end of a flat strand; None if none is near it.
+    """Return the cell of the last tie of a flat strand that is near one of two places; None if none is.
 
     Behind the end, the line goes on in the middle between the strands that leave there.
     """
-    steps = np.arange(0.5, _NEAR_TIE * wire, 0.5)
+    reach = _NEAR_TIE * wire
+    steps = np.arange(0.5, reach + float(np.linalg.norm(near[1] - near[0])), 0.5)
     ways = [
         np.column_stack([np.interp(steps, measure_along(other), other[:, axis]) for axis in (0, 1)])
         for other in others
     ]
     line = np.concatenate([places, np.mean(ways, axis=0)]) if ways else places
-    along = measure_along(line) - measure_along(places)[-1]
+    away = np.linalg.norm(line[:, None] - near, axis=2).min(axis=1)
     around, backs = _sample_across(line, half, drawn)
     top = float(np.median(backs[: len(places)])) + _TIE * wire * drawn.cell
-    high = (backs > top) & (np.abs(along) < _NEAR_TIE * wire) & drawn.hold(line)
+    high = (backs > top) & (away < reach) & drawn.hold(line)
     if not high.any():
         return None
     last = int(np.flatnonzero(high)[-1])
@@ -225,6 +232,22 @@ def _sample_across(places: Array, half: float, drawn: SurfaceMap) -> tuple[Array
     return around, np.percentile(heights, _BACK, axis=1)
 
 
+def _find_sides(places: Array, across: Array, half: float, drawn: SurfaceMap) -> tuple[Array, Array]:
+    """Return how far the mask reaches from places (M, 2) against and along unit vectors (M, 2), cells.
+
+    Places beside the mask have a side of 0. The mask is followed up to some half widths.
+    """
+    steps = np.arange(0.0, _SIDES * half, _SIDE_STEP)
+    sides = []
+    for sign in (-1.0, 1.0):
+        around = places[:, None] + (sign * steps)[:, None] * across[:, None]
+        on = drawn.hold(around.reshape(-1, 2)).reshape(len(places), -1)
+        count = np.where(on.all(axis=1), len(steps), np.argmin(on, axis=1))
+        # the edge lies half way to the first step beside the mask
+        sides.append(sign * _SIDE_STEP * np.maximum(count - 0.5, 0.0))
+    return sides[0], sides[1]
+
+
 def _find_normals(places: Array) -> Array:
     """Return unit vectors (M, 2) across a line of places (M, 2)."""
     across = np.gradient(places, axis=0)[:, ::-1] * (1.0, -1.0)
@@ -238,6 +261,8 @@ def lay_strands(strands: Sequence[Strand], bundles: FlatBundles, drawn: SurfaceM
     """
     laid = []
     for strand, is_flat in zip(strands, bundles.flat, strict=True):
+        if is_flat:
+            strand = _move_to_middle(strand, drawn)
         if is_flat and not strand.closed:
             strand = _lead_to_ends(strand, drawn)
         laid.append(_lift_to_backs(strand, bundles.radius, drawn) if is_flat else strand)
@@ -249,6 +274,27 @@ def _lift_to_backs(strand: Strand, wire: float, drawn: SurfaceMap) -> Strand:
     places, _ = drawn.flatten(strand.nodes)
     _, backs = _sample_across(places, strand.half_width / drawn.cell, drawn)
     heights = smooth_nodes(take_medians(backs, _UNDER_TIES)[:, None], _SMOOTHING)[:, 0] - drawn.ridge * wire
+    return replace(strand, nodes=drawn.lift(places, heights))
+
+
+def _move_to_middle(strand: Strand, drawn: SurfaceMap) -> Strand:
+    """Return a strand in the middle between the sides of its mask, where these are as far apart as usual.
+
+    Thinning cuts the bends of wide strands. Between such places the nodes move evenly; those at junctions stay.
+    """
+    places, heights = drawn.flatten(strand.nodes)
+    half = strand.half_width / drawn.cell
+    for _ in range(_ROUNDS):
+        across = _find_normals(places)
+        low, high = _find_sides(places, across, half, drawn)
+        usual = float(np.median(high - low))
+        whole = np.abs(high - low - usual) < _EVEN * usual
+        whole[[0, -1]] |= [end is not None for end in strand.ends]
+        aside = 0.5 * (low + high)
+        aside[[0, -1]] *= [end is None for end in strand.ends]
+        along = measure_along(places)
+        moved = np.interp(along, along[whole], aside[whole])
+        places = places + smooth_nodes(moved[:, None], _SMOOTHING) * across
     return replace(strand, nodes=drawn.lift(places, heights))
 
 
@@ -276,20 +322,16 @@ def _march(places: Array, half: float, drawn: SurfaceMap) -> Array:
     inner = places[np.linalg.norm(places - tip, axis=1) <= half]
     heading = tip - inner[0] if len(inner) > 1 else tip - places[-2]
     heading = heading / max(float(np.linalg.norm(heading)), 1e-9)
-    offsets = np.arange(-_SIDES * half, _SIDES * half, 0.5)
     found: list[Array] = []
     for _ in range(_MAX_MARCHES):
         ahead = tip + step * heading
         if not drawn.holds(ahead):
             break
         across = np.array([-heading[1], heading[0]])
-        on = drawn.hold(ahead + offsets[:, None] * across)
-        middle = len(offsets) // 2
-        left = middle - int(np.argmin(np.append(on[: middle + 1][::-1], False)))
-        right = middle + int(np.argmin(np.append(on[middle:], False)))
+        left, right = (float(side[0]) for side in _find_sides(ahead[None], across[None], half, drawn))
         # a cut at a corner is shorter, and its middle lies aside
-        if offsets[right - 1] - offsets[left + 1] > _WHOLE * 2.0 * half:
-            ahead = ahead + 0.5 * (offsets[right - 1] + offsets[left + 1]) * across
+        if right - left > _WHOLE * 2.0 * half:
+            ahead = ahead + 0.5 * (left + right) * across
         heading = ahead - (found[-2] if len(found) > 1 else tip)
         heading = heading / max(float(np.linalg.norm(heading)), 1e-9)
         found.append(ahead)

@@ -20,6 +20,11 @@ from strand.support.checks import Array
 
 _MAX_MIDDLE = 12.0  # length of the stretch that two crossing strands share at most, half widths
 _MAX_TORN = 3.0  # distance of the hubs of one junction, half widths
+_MAX_TIED = 5.0  # length of the stretch along which one tie holds two strands at most, half widths
+_FLAT = 0.7  # height of strands side by side over the table at most, widths
+_LOW = 35.0  # percentile of the heights along it that is the strands'
+_TOP = 95.0  # the same that is the tie's
+_TIE = 0.1  # height of a tie over the strands at least, radii
 _MAX_AROUND = 4.0  # length of each arc around a hole in one place, half widths
 _MAX_HUBS = 4  # of one place
 _MAX_CLUSTER = 9  # hubs that are decided together
@@ -80,7 +85,7 @@ class Place:
 
 
 def list_layouts(
-    lines: Lines, drawn: SurfaceMap, on_table: bool, most: int
+    lines: Lines, drawn: SurfaceMap, floor: float | None, most: int
 ) -> list[tuple[float, list[Place]]]:
     """Return the places and their readings that cost least together, and the next best graphs.
 
@@ -88,8 +93,8 @@ def list_layouts(
     ----------
     lines : Lines
     drawn : SurfaceMap
-    on_table : bool
-        Whether ropes lie on a table, so that a crossing rises above its surroundings.
+    floor : float or None
+        Height of the table, metres; a crossing rises above its surroundings there. None without a table.
     most : int
         How many graphs are returned at most.
 
@@ -98,7 +103,7 @@ def list_layouts(
     list of (float, list of Place)
         The cost over the least, and the places; the cheapest first.
     """
-    survey = _survey_hubs(lines, drawn, on_table)
+    survey = _survey_hubs(lines, drawn, floor)
     layouts: list[tuple[float, list[Place]]] = [(0.0, [])]
     for hubs, reach in _list_clusters(survey, _MAX_MIDDLE, range(len(lines.hubs))):
         short = survey.list_short(hubs, reach)
@@ -122,7 +127,8 @@ class _Survey:
     ----------
     lines : Lines
     drawn : SurfaceMap
-    on_table : bool
+    floor : float or None
+        Height of the table, metres.
     ends : list of list of End
         Those at each hub.
     ports : dict of End to Port
@@ -132,10 +138,15 @@ class _Survey:
 
     lines: Lines
     drawn: SurfaceMap
-    on_table: bool
+    floor: float | None
     ends: list[list[End]]
     ports: dict[End, Port]
     lengths: dict[int, float]
+
+    @property
+    def on_table(self) -> bool:
+        """Whether ropes lie on a table."""
+        return self.floor is not None
 
     def list_short(self, hubs: Collection[int], reach: float) -> list[int]:
         """Return the arcs between some hubs that are no longer than a reach."""
@@ -146,17 +157,17 @@ class _Survey:
         ]
 
 
-def _survey_hubs(lines: Lines, drawn: SurfaceMap, on_table: bool) -> _Survey:
+def _survey_hubs(lines: Lines, drawn: SurfaceMap, floor: float | None) -> _Survey:
     """Measure the ports of all hubs, and the arcs between them."""
     ends = [lines.list_ends(hub) for hub in range(len(lines.hubs))]
-    ports = {end: measure_port(*end, lines, drawn) for own in ends for end in own}
+    ports = {end: measure_port(*end, lines, drawn, floor) for own in ends for end in own}
     lengths = {}
     for number, arc in enumerate(lines.arcs):
         first, second = arc.hubs
         if NO_HUB not in arc.hubs and first != second:
             width = float(drawn.sample_widths(lines.hubs[[first, second]]).mean())
             lengths[number] = measure_length(arc.cells) / max(width, 1.0)
-    return _Survey(lines, drawn, on_table, ends, ports, lengths)
+    return _Survey(lines, drawn, floor, ends, ports, lengths)
 
 
 def _list_clusters(survey: _Survey, reach: float, hubs: Collection[int]) -> Iterator[tuple[list[int], float]]:
@@ -199,7 +210,8 @@ def _make_group(hubs: tuple[int, ...], survey: _Survey, short: Sequence[int]) ->
     ports, at = _list_ports(hubs, inner, survey)
     torn = all(length < _MAX_TORN for length in lengths) and _meet_at_one(hubs, survey)
     cells = np.concatenate([lines.hubs[list(hubs)], *(lines.arcs[number].cells for number in inner)])
-    readings = list_readings(ports, at, cells, survey.drawn, survey.on_table, torn)
+    tied = _are_tied(inner, ports, survey)
+    readings = list_readings(ports, at, cells, survey.drawn, survey.on_table, torn, tied)
     return Group(hubs, inner, ports, at, cells.mean(axis=0), readings) if readings else None
 
 
@@ -209,6 +221,18 @@ def _list_ports(
     """Return the ports of hubs but those of the arcs between them, and the hub of each."""
     at = [(end, hub) for hub in hubs for end in survey.ends[hub] if end[0] not in inner]
     return [survey.ports[end] for end, _ in at], [hub for _, hub in at]
+
+
+def _are_tied(inner: Sequence[int], ports: Sequence[Port], survey: _Survey) -> bool:
+    """Tell whether a tie holds two strands together that lie side by side along a short arc on the table."""
+    if survey.floor is None or len(inner) != 1 or len(ports) != 4 or survey.lengths[inner[0]] > _MAX_TIED:
+        return False
+    drawn, cells = survey.drawn, survey.lines.arcs[inner[0]].cells
+    heights = drawn.sample_heights(cells)
+    width = 2.0 * drawn.cell * float(np.median(drawn.sample_widths(cells)))
+    radius = drawn.cell * float(np.mean([port.half_width for port in ports]))
+    tie = float(np.percentile(heights, _TOP)) - max(port.rest for port in ports)
+    return float(np.percentile(heights, _LOW)) - survey.floor < _FLAT * width and tie > _TIE * radius
 
 
 def _meet_at_one(hubs: Sequence[int], survey: _Survey) -> bool:

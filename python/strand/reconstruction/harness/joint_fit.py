@@ -142,7 +142,7 @@ def _fit(
     # errors of near pixels are alike, so that more points say no more
     clouds = clouds.thin(clouds.find_fit_step(float(halves.min())))
     chosen = halves if possible.radii is None else _choose(possible.radii, halves)
-    spans = np.where(beside.flat, halves, chosen)
+    spans = np.where(beside.flat, beside.radius * np.sqrt(beside.wires), chosen)
     curves = [_make_spline(strand, span, config) for strand, span in zip(strands, spans, strict=True)]
     start = beside.list_radii(np.where(beside.flat, beside.radius * np.sqrt(beside.wires), chosen))
     classes = beside.classes[beside.owners].tolist()

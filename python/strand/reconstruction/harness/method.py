@@ -212,7 +212,7 @@ def _look(ground: Ground, toward: Array, asked: _Asked) -> _Sight:
                 f"views: the points make {len(lines.arcs)} strands, at most {_MAX_STRANDS}: a net, or noise; "
                 "give bounds or masks of the ropes alone"
             )
-        decided = _decide(lines, drawn, ground.table is not None, possible.radii, asked.net)
+        decided = _decide(lines, drawn, None if ground.table is None else ground.table.offset, possible.radii, asked.net)
         strands = follow_strands(lines, decided, drawn, possible.radii)
         if not strands:
             raise NotEnoughDataError("views: the points make no strand; is the radius right, in metres?")
@@ -284,12 +284,12 @@ def _fit(sight: _Sight, trust: float | None, asked: _Asked) -> FoundHarness:
 
 
 def _decide(
-    lines: Lines, drawn: SurfaceMap, on_table: bool, radii: Array | None, net: Netlist | None
+    lines: Lines, drawn: SurfaceMap, floor: float | None, radii: Array | None, net: Netlist | None
 ) -> Decisions:
     """Decide what each place is: as costs least, or least together with a netlist."""
     if net is None:
-        return decide_places(lines, drawn, on_table)
-    layouts = list_layouts(lines, drawn, on_table, _MAX_LAYOUTS)
+        return decide_places(lines, drawn, floor)
+    layouts = list_layouts(lines, drawn, floor, _MAX_LAYOUTS)
     decided = [collect_decisions(lines, drawn, places) for _, places in layouts]
     found = [(follow_strands(lines, one, drawn, radii), len(one.junctions)) for one in decided]
     costs = np.array([cost for cost, _ in layouts]) + weigh_layouts(net, found)

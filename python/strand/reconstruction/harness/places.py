@@ -25,6 +25,8 @@ class Junction:
     ----------
     place : (2,) ndarray
         Row and column.
+    hub : (2,) ndarray
+        Row and column of the middle of its hubs, where the strands come apart.
     ends : list of End
         The arcs' ends that meet there.
     margin : float
@@ -34,6 +36,7 @@ class Junction:
     """
 
     place: Array
+    hub: Array
     ends: list[End]
     margin: float
     tied: bool = False
@@ -65,6 +68,11 @@ class Passing:
     margin: float
     place: int
 
+    @property
+    def is_below(self) -> bool:
+        """Whether the other strand lies on this one."""
+        return self.other is not None and self.height < self.other
+
 
 @dataclass(frozen=True, eq=False)
 class LaidEnd:
@@ -94,17 +102,17 @@ class Decisions:
     inner: set[int]
 
 
-def decide_places(lines: Lines, drawn: SurfaceMap, on_table: bool) -> Decisions:
+def decide_places(lines: Lines, drawn: SurfaceMap, floor: float | None) -> Decisions:
     """Decide what each place where arcs meet is.
 
     Parameters
     ----------
     lines : Lines
     drawn : SurfaceMap
-    on_table : bool
-        Whether ropes lie on a table, so that a crossing rises above its surroundings.
+    floor : float or None
+        Height of the table, metres; a crossing rises above its surroundings there. None without a table.
     """
-    ((_, places),) = list_layouts(lines, drawn, on_table, 1)
+    ((_, places),) = list_layouts(lines, drawn, floor, 1)
     return collect_decisions(lines, drawn, places)
 
 
@@ -122,7 +130,8 @@ def collect_decisions(lines: Lines, drawn: SurfaceMap, places: Sequence[Place]) 
             reading.pairs, reading.heights, reading.others, strict=True
         ):
             both = (ends[some], ends[other])
-            passings.append(Passing(both, height, crossed, group.middle, place.margin, number))
+            middle = lines.hubs[[lines.arcs[arc].hubs[end] for arc, end in both]].mean(axis=0)
+            passings.append(Passing(both, height, crossed, middle, place.margin, number))
         if reading.laid is not None:
             port = group.ports[reading.laid]
             base = None if reading.under else reading.heights[0]
@@ -138,5 +147,6 @@ def collect_decisions(lines: Lines, drawn: SurfaceMap, places: Sequence[Place]) 
             middle = lines.hubs[list(group.hubs)].mean(axis=0) if reading.place is None else reading.place
             margin = min(_MAX_MARGIN, place.margin) - _UNLIKE * reading.unlike
             joined = [ends[port] for port in reading.junction]
-            junctions.append(Junction(find_parting(middle, own, lines, drawn), joined, margin))
+            parting = find_parting(middle, own, lines, drawn)
+            junctions.append(Junction(parting, middle, joined, margin))
     return Decisions(junctions, passings, laid, inner)

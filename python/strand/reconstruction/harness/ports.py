@@ -35,6 +35,8 @@ class Port:
         Of the surface, continued to the hub, metres.
     near, rest : float
         Height of the surface near the hub, and farther along the arc, metres.
+    bottom : float
+        Height of the lower surface near the hub, metres.
     scatter : float
         Standard deviation of the heights near the hub about a line, metres.
     """
@@ -48,11 +50,12 @@ class Port:
     height: float
     near: float
     rest: float
+    bottom: float
     scatter: float
 
 
-def measure_port(arc: int, end: int, lines: Lines, drawn: SurfaceMap) -> Port:
-    """Measure an arc's end at its hub."""
+def measure_port(arc: int, end: int, lines: Lines, drawn: SurfaceMap, floor: float | None) -> Port:
+    """Measure an arc's end at its hub; `floor` is the height of a table, metres."""
     cells = lines.arcs[arc].from_end(end)
     hub = lines.hubs[lines.arcs[arc].hubs[end]]
     along = measure_along(cells)
@@ -78,7 +81,9 @@ def measure_port(arc: int, end: int, lines: Lines, drawn: SurfaceMap) -> Port:
     rest = (along > _REST[0] * half_width) & (along < _REST[1] * half_width)
     near = float(np.median(drawn.sample_heights(cells[close] if close.any() else stretch)))
     own = float(np.median(drawn.sample_heights(cells[rest] if rest.any() else stretch)))
-    return Port(arc, end, place, direction, mean_direction, half_width, height, near, own, scatter)
+    # wires side by side are wider than high
+    bottom = max(near - (1.0 + drawn.ridge) * drawn.cell * half_width, -np.inf if floor is None else floor)
+    return Port(arc, end, place, direction, mean_direction, half_width, height, near, own, bottom, scatter)
 
 
 def measure_along(cells: Array) -> Array:

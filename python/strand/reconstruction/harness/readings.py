@@ -27,6 +27,8 @@ _RISE_SD = 0.35  # radii: deviation of these
 _TOUCH = 0.7  # distance of the axes of strands that touch at most, sums of their widths
 _VALLEY = 0.5  # depth of the valley between them at least, radii
 _LOWEST = 15.0  # percentile of the heights between them that tells how deep it is
+_TIE = 0.1  # height of what lies on top of them at most, radii
+_HIGHEST = 95.0  # percentile of the heights between them that tells how high that is
 _RISE_WEIGHT = 2.0  # of a missing rise at a crossing
 _LEVEL_WEIGHT = 4.0  # of a rise at a junction
 _MAX_LEVEL = 8.0  # of that at most
@@ -80,7 +82,13 @@ class Reading:
 
 
 def list_readings(
-    own: Sequence[Port], hubs: Sequence[int], middle: Array, drawn: SurfaceMap, on_table: bool, torn: bool
+    own: Sequence[Port],
+    hubs: Sequence[int],
+    middle: Array,
+    drawn: SurfaceMap,
+    on_table: bool,
+    torn: bool,
+    tied: bool,
 ) -> list[Reading]:
     """Return the ways to read a place, the cheapest first.
 
@@ -96,9 +104,12 @@ def list_readings(
         Whether ropes lie on a table, so that a crossing rises above its surroundings.
     torn : bool
         Whether the hubs are so close that they may be one junction.
+    tied : bool
+        Whether a tie between two hubs holds two strands together.
     """
     count = len(set(hubs))
     one = count == 1
+    torn = torn or tied
     readings: list[Reading] = []
     if len(own) == 3 and (one or torn):
         readings = _read_three(own, drawn, on_table)
@@ -112,7 +123,7 @@ def list_readings(
     saved = 0.0
     if torn and not one:
         # arcs that point at places far apart belong to several junctions
-        missed = _measure_miss(own) - _MISS if len(own) > 3 else 0.0
+        missed = _measure_miss(own) - _MISS if len(own) > 3 and not tied else 0.0
         saved = (count - 1) * _TORN - min(max(missed, 0.0), _MAX_MISS)
     readings = [
         replace(reading, cost=reading.cost + further - (0.0 if reading.pairs else saved))
@@ -150,10 +161,7 @@ def _read_three(own: Sequence[Port], drawn: SurfaceMap, on_table: bool) -> list[
         drop = end.near - end.rest
         bump = min(some.near, other.near) - max(port.rest for port in own)
         # a strand that is short, or lies high for long, makes no bump
-        bottoms = [
-            port.near - (1.0 + drawn.ridge) * drawn.cell * port.half_width for port in (some, other, end)
-        ]
-        lift = min(bottoms[:2]) - bottoms[2]
+        lift = min(some.bottom, other.bottom) - end.bottom
         for under, heights in (
             (False, (rise - _LAID_RISE * radius, drop - _LAID_DROP * radius)),
             (True, (max(bump, lift) - _LAID_RISE * radius,)),
@@ -172,7 +180,7 @@ def _read_four(
 ) -> list[Reading]:
     """Return crossings, and a junction of four last."""
     radius = drawn.cell * float(np.mean([port.half_width for port in own]))
-    top = float(np.percentile(drawn.sample_heights(middle), _TOP))
+    lowest, top, highest = np.percentile(drawn.sample_heights(middle), [_LOWEST, _TOP, _HIGHEST])
     rest = max(port.rest for port in own)
     deviation = _measure_deviation(own, radius)
     scale = drawn.cell * drawn.ridge
@@ -193,12 +201,12 @@ def _read_four(
         # an end that lies on a strand makes a rise too
         level = _price_rise(rise, radius, deviation)
         if on_table and not across:
-            if turned:
-                # a branch has no valley
-                lowest = float(np.percentile(drawn.sample_heights(middle), _LOWEST))
-                valley = lowest - min(first, second)
-                level = max(level, _price_rise(valley + _VALLEY * radius, radius, deviation))
-            readings.append(Reading(cost + level, (), pairs, (first, second), (first, second)))
+            # a tie lies on top of both, and a branch has no valley
+            tied = _price_rise(highest - rest + (_LEVEL - _TIE) * radius, radius, deviation)
+            valley = lowest - min(first, second) + _VALLEY * radius
+            joined_there = _price_rise(valley, radius, deviation) if turned else 0.0
+            cost += max(level, tied, joined_there)
+            readings.append(Reading(cost, (), pairs, (first, second), (first, second)))
         else:
             cost += _RISE_WEIGHT * (max(0.0, _RISE * radius - rise) / deviation) ** 2
             readings.append(Reading(cost, (), pairs, (first, second), (second, first)))
@@ -265,12 +273,20 @@ def _turn_back(pair: tuple[int, int], hubs: Sequence[int]) -> bool:
 
 
 def _price_continuation(some: Port, other: Port) -> float:
-    """Return the cost of two ports that are one strand: bend, sideways shift, difference of widths."""
-    bend = measure_angle(-some.direction, other.direction)
+    """Return the cost of two ports that are one strand: bend, sideways shift, difference of widths.
+
+    Where masks merge slowly, the middle line bends at its end, so that directions farther off may tell more.
+    """
     way = other.place - some.place
     way = way / max(float(np.linalg.norm(way)), 1e-9)
-    side = measure_angle(-some.direction, way) + measure_angle(other.direction, way)
-    return float((bend / _BEND) ** 2 + (side / _SIDE) ** 2 + _price_widths(some, other))
+    turns = []
+    for inward, outward in (
+        (some.direction, other.direction),
+        (some.mean_direction, other.mean_direction),
+    ):
+        side = measure_angle(-inward, way) + measure_angle(outward, way)
+        turns.append((measure_angle(-inward, outward) / _BEND) ** 2 + (side / _SIDE) ** 2)
+    return min(turns) + _price_widths(some, other)
 
 
 def _price_widths(some: Port, other: Port) -> float:

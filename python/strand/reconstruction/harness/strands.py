@@ -93,7 +93,7 @@ def follow_strands(lines: Lines, decided: Decisions, drawn: SurfaceMap, radii: A
         if start[0] in seen:
             continue
         pieces, passed, stop = _follow(start, lines, onward, seen)
-        cells = _bridge(pieces, passed, drawn)
+        cells, gaps = _bridge(pieces, passed, drawn)
         is_alone = lines.arcs[start[0]].hubs == (NO_HUB, NO_HUB) and len(pieces) == 1
         closed = start in onward or (is_alone and _is_ring(pieces[0]))
         ends: list[int | None] = [None, None]
@@ -112,7 +112,8 @@ def follow_strands(lines: Lines, decided: Decisions, drawn: SurfaceMap, radii: A
             else:
                 extended = _reach_edge(backwards, drawn)
             cells = extended[::-1] if place == 0 else extended
-        strands.append(_lift(cells, passed, under, (ends[0], ends[1]), closed, drawn, radii))
+        hidden = [gap for gap, passing in gaps if passing.is_below]
+        strands.append(_lift(cells, hidden, under, (ends[0], ends[1]), closed, drawn, radii))
     return strands
 
 
@@ -157,13 +158,23 @@ def _follow(
         number, end = following[0]
 
 
-def _bridge(pieces: list[Array], passed: list[Passing], drawn: SurfaceMap) -> Array:
-    """Return pieces in one, which go straight on where another strand bends the mask's middle line."""
+def _bridge(
+    pieces: list[Array], passed: list[Passing], drawn: SurfaceMap
+) -> tuple[Array, list[tuple[Array, Passing]]]:
+    """Return pieces in one, which go straight on where another strand bends the mask's middle line.
+
+    The cells (2, 2) on both sides of each such stretch come with it, and the crossing there.
+    """
     kept = [pieces[0]]
     for piece, passing in zip(pieces[1:], passed, strict=False):
         kept[-1] = _leave_out(kept[-1][::-1], passing, drawn)[::-1]
         kept.append(_leave_out(piece, passing, drawn))
-    return np.concatenate(kept)
+    sides = [np.stack([before[-1], after[0]]) for before, after in zip(kept[:-1], kept[1:], strict=True)]
+    gaps = list(zip(sides, passed, strict=False))
+    if len(passed) == len(pieces):
+        # where a ring closes, both sides are ends of the line
+        gaps += [(np.stack([cell, cell]), passed[-1]) for cell in (kept[0][0], kept[-1][-1])]
+    return np.concatenate(kept), gaps
 
 
 def _leave_out(cells: Array, passing: Passing, drawn: SurfaceMap) -> Array:
@@ -242,14 +253,17 @@ def _find_edge(strand: Strand, late: int, others: Array, drawn: SurfaceMap) -> A
 
 def _lift(
     cells: Array,
-    passed: list[Passing],
+    gaps: list[Array],
     under: list[Array],
     ends: tuple[int | None, int | None],
     closed: bool,
     drawn: SurfaceMap,
     radii: Array | None,
 ) -> Strand:
-    """Smooth a strand in the plan, and lift it by the height of the ridge."""
+    """Smooth a strand in the plan, and lift it by the height of the ridge.
+
+    It is hidden in `gaps`, each between two cells (2, 2), and towards its last cell in each of `under` (2, 2).
+    """
     along = measure_along(cells)
     half = max(float(np.median(drawn.sample_widths(cells))), 1.0)
     places = np.linspace(0.0, along[-1], max(int(along[-1] / (_SPACING * half)), _FEWEST))
@@ -264,11 +278,10 @@ def _lift(
     radius = half_width if radius > _TOO_THICK * half_width else radius
     heights = drawn.sample_heights(smooth)
     hidden = np.zeros(len(places), dtype=bool)
-    for passing in passed:
-        if passing.other is not None and passing.height < passing.other:
-            nearest = int(np.linalg.norm(smooth - passing.middle, axis=1).argmin())
-            merged = float(np.linalg.norm(cells - passing.middle, axis=1).min())
-            hidden |= np.abs(places - places[nearest]) < max(_HIDDEN * half, merged + _BESIDE * half)
+    for gap in gaps:
+        first, last = places[np.linalg.norm(smooth - gap[:, None], axis=2).argmin(axis=1)]
+        reach = max(_HIDDEN * half, 0.5 * (last - first) + _BESIDE * half)
+        hidden |= np.abs(places - 0.5 * (first + last)) < reach
     for last, tip in under:
         reach = _HIDDEN * half + float(np.linalg.norm(last - tip))
         hidden |= np.linalg.norm(smooth - tip, axis=1) < reach
