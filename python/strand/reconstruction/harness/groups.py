@@ -210,8 +210,8 @@ def _make_group(hubs: tuple[int, ...], survey: _Survey, short: Sequence[int]) ->
     ports, at = _list_ports(hubs, inner, survey)
     torn = all(length < _MAX_TORN for length in lengths) and _meet_at_one(hubs, survey)
     cells = np.concatenate([lines.hubs[list(hubs)], *(lines.arcs[number].cells for number in inner)])
-    tied = _are_tied(inner, ports, survey)
-    readings = list_readings(ports, at, cells, survey.drawn, survey.on_table, torn, tied)
+    tie = _find_tie(inner, ports, survey)
+    readings = list_readings(ports, at, cells, survey.drawn, survey.on_table, torn, tie)
     return Group(hubs, inner, ports, at, cells.mean(axis=0), readings) if readings else None
 
 
@@ -223,16 +223,19 @@ def _list_ports(
     return [survey.ports[end] for end, _ in at], [hub for _, hub in at]
 
 
-def _are_tied(inner: Sequence[int], ports: Sequence[Port], survey: _Survey) -> bool:
-    """Tell whether a tie holds two strands together that lie side by side along a short arc on the table."""
+def _find_tie(inner: Sequence[int], ports: Sequence[Port], survey: _Survey) -> Array | None:
+    """Return the cell of a tie that holds two strands together, which lie side by side along a short arc."""
     if survey.floor is None or len(inner) != 1 or len(ports) != 4 or survey.lengths[inner[0]] > _MAX_TIED:
-        return False
+        return None
     drawn, cells = survey.drawn, survey.lines.arcs[inner[0]].cells
     heights = drawn.sample_heights(cells)
     width = 2.0 * drawn.cell * float(np.median(drawn.sample_widths(cells)))
     radius = drawn.cell * float(np.mean([port.half_width for port in ports]))
-    tie = float(np.percentile(heights, _TOP)) - max(port.rest for port in ports)
-    return float(np.percentile(heights, _LOW)) - survey.floor < _FLAT * width and tie > _TIE * radius
+    low, top = np.percentile(heights, (_LOW, _TOP))
+    rest = max(port.rest for port in ports)
+    if low - survey.floor > _FLAT * width or top - rest < _TIE * radius:
+        return None
+    return np.asarray(cells[heights > 0.5 * (top + rest)].mean(axis=0))
 
 
 def _meet_at_one(hubs: Sequence[int], survey: _Survey) -> bool:

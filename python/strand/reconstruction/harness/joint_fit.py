@@ -15,7 +15,6 @@ from strand.config import Config
 from strand.geometry.curve import Curve
 from strand.geometry.polyline import path_length
 from strand.reconstruction.harness.flat_bundles import FlatBundles
-from strand.reconstruction.harness.ports import measure_angle
 from strand.reconstruction.harness.strands import Strand, list_pairs
 from strand.reconstruction.harness.wires import Possible, choose_radii
 from strand.reconstruction.tubes.clouds import Clouds
@@ -37,13 +36,12 @@ _DIFFER_SD = 0.25  # the same for each radius by which they differ
 _BUNDLE_SD = 0.02  # radii: deviation of round bundles from those of wires packed well at least
 _FAR = 2.0  # ratio of a radius and the half width of a mask that is no rope of it
 _AGREE = 0.06  # radii: difference of both at most, unless correlated errors make tubes too thick
-_ALONG = 0.05  # weight of a junction's place in the plan over that of strands
+_ALONG = 0.025  # weight of a junction's place in the plan over that of strands
 _HELD = 10.0  # the same of a junction whose place a tie tells
 _APART = 0.9  # distance of strands that are apart, sums of their radii
 _FARTHEST = 10.0  # distance from a junction at which strands tell where they meet at most, radii
 _TELLING = 5.0  # length of the stretch that tells, radii
 _FEWEST = 4  # nodes of a stretch that tells a bend at least
-_TURN = 0.7  # radians: turn of a strand beyond where it tells, to a junction, that halves its weight
 _BEYOND = 4.0  # stretch beyond a junction's first place, radii
 _MAX_TIP = 6.0  # distance of a traced end from that of its curve at most, radii
 _MAX_MOVE = 15.0  # distance of a junction from the end of a curve that leads to it at most, radii
@@ -51,7 +49,7 @@ _MAX_SHARE = 0.4  # of a curve's length that lies beyond a junction at most
 _SAMPLES = 100  # of a curve
 _SHIFTED = 4.0  # stretch at a junction that bends to the shared point, radii
 _LOST = 2.5  # length that a curve may lose between junctions, radii; at a free end its margin, too
-_ROUNDS = 3  # of finding a junction's place
+_ROUNDS = 6  # of finding a junction's place
 _SAME_END = 1.0  # distance of the end of points from that of the mask where the points count, radii
 
 
@@ -313,20 +311,19 @@ def _share_points(
     parts = list(parts)
     for number in range(len(found)):
         at = [(k, late) for k, strand in enumerate(strands) for late in (0, 1) if strand.ends[late] == number]
-        outward = [_sample_outward(parts[k], found[number], late, fit.radius(k)) for k, late in at]
         radii = [fit.radius(k) for k, _ in at]
-        ways = [_continue_inward(outward, radii, own) for own in range(len(at))]
         start = found[number].copy()
         normal = np.eye(3)
+        weight = _HELD if held[number] else _ALONG
         for _ in range(_ROUNDS):
-            weight = _HELD if held[number] else _ALONG
+            outward = [_sample_outward(parts[k], found[number], late, fit.radius(k)) for k, late in at]
             normal, right = weight * np.eye(3), weight * start
-            for way in ways:
+            for own in range(len(at)):
+                way = _continue_inward(outward, radii, own)
                 nearest = int(np.linalg.norm(way[1:-1] - found[number], axis=1).argmin()) + 1
                 tangent = way[nearest + 1] - way[nearest - 1]
                 tangent = tangent / max(float(np.linalg.norm(tangent)), 1e-12)
-                trust = 1.0 / (1.0 + (_measure_turn(way[nearest - 1 :]) / _TURN) ** 4)
-                across = trust * (np.eye(3) - np.outer(tangent, tangent))
+                across = np.eye(3) - np.outer(tangent, tangent)
                 normal, right = normal + across, right + across @ way[nearest]
             found[number] = np.linalg.solve(normal, right)
         covariances[number] = np.linalg.inv(normal) * fit.sigma**2
@@ -370,12 +367,6 @@ def _continue_inward(outward: Sequence[Array], radii: Sequence[float], own: int)
     bent = np.polynomial.polynomial.polyfit(along[used] - origin, nodes[used], 2)
     s = np.linspace(-origin - _BEYOND * radius, 0.0, _SAMPLES)
     return np.asarray(np.polynomial.polynomial.polyval(s, bent).T)
-
-
-def _measure_turn(way: Array) -> float:
-    """Return the angle between the first and the last step of a way, radians."""
-    steps = np.array([way[1] - way[0], way[-1] - way[-2]])
-    return measure_angle(*(steps / np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1e-12)))
 
 
 def _bend_to(chain: Chain, strand: Strand, places: Array) -> Chain:

@@ -148,5 +148,5 @@ def collect_decisions(lines: Lines, drawn: SurfaceMap, places: Sequence[Place]) 
             margin = min(_MAX_MARGIN, place.margin) - _UNLIKE * reading.unlike
             joined = [ends[port] for port in reading.junction]
             parting = find_parting(middle, own, lines, drawn)
-            junctions.append(Junction(parting, middle, joined, margin))
+            junctions.append(Junction(parting, middle, joined, margin, reading.tied))
     return Decisions(junctions, passings, laid, inner)

@@ -67,7 +67,9 @@ class Reading:
     unlike : float
         How much a junction there fails to explain the heights.
     place : (2,) ndarray or None
-        Row and column of a junction that a strand passes.
+        Row and column of a junction that a strand passes, or a tie tells.
+    tied : bool
+        Whether a tie tells it.
     """
 
     cost: float
@@ -79,6 +81,7 @@ class Reading:
     under: bool = False
     unlike: float = 0.0
     place: Array | None = None
+    tied: bool = False
 
 
 def list_readings(
@@ -88,7 +91,7 @@ def list_readings(
     drawn: SurfaceMap,
     on_table: bool,
     torn: bool,
-    tied: bool,
+    tie: Array | None,
 ) -> list[Reading]:
     """Return the ways to read a place, the cheapest first.
 
@@ -104,12 +107,12 @@ def list_readings(
         Whether ropes lie on a table, so that a crossing rises above its surroundings.
     torn : bool
         Whether the hubs are so close that they may be one junction.
-    tied : bool
-        Whether a tie between two hubs holds two strands together.
+    tie : (2,) ndarray or None
+        Row and column of a tie between two hubs that holds two strands together.
     """
     count = len(set(hubs))
     one = count == 1
-    torn = torn or tied
+    torn = torn or tie is not None
     readings: list[Reading] = []
     if len(own) == 3 and (one or torn):
         readings = _read_three(own, drawn, on_table)
@@ -123,10 +126,12 @@ def list_readings(
     saved = 0.0
     if torn and not one:
         # arcs that point at places far apart belong to several junctions
-        missed = _measure_miss(own) - _MISS if len(own) > 3 and not tied else 0.0
+        missed = _measure_miss(own) - _MISS if len(own) > 3 and tie is None else 0.0
         saved = (count - 1) * _TORN - min(max(missed, 0.0), _MAX_MISS)
     readings = [
-        replace(reading, cost=reading.cost + further - (0.0 if reading.pairs else saved))
+        replace(reading, cost=reading.cost + further)
+        if reading.pairs
+        else replace(reading, cost=reading.cost + further - saved, place=tie, tied=tie is not None)
         for reading in readings
     ]
     return sorted(readings, key=lambda reading: reading.cost)
