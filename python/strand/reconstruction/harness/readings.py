@@ -158,7 +158,7 @@ def _read_three(own: Sequence[Port], drawn: SurfaceMap, on_table: bool) -> list[
         end, some, other = own[number], own[others[0]], own[others[1]]
         radius = drawn.cell * end.half_width
         deviation = _measure_deviation(own, radius)
-        bend = measure_angle(-some.mean_direction, other.mean_direction)
+        bend = min(measure_angle(-inward, outward) for inward, outward in _pair_directions(some, other))
         straight = (bend / _BEND) ** 2 + _price_widths(some, other) + _LAID
         # a strand that is thicker than both has a higher surface
         thicker = radius - drawn.cell * max(some.half_width, other.half_width)
@@ -278,20 +278,22 @@ def _turn_back(pair: tuple[int, int], hubs: Sequence[int]) -> bool:
 
 
 def _price_continuation(some: Port, other: Port) -> float:
-    """Return the cost of two ports that are one strand: bend, sideways shift, difference of widths.
-
-    Where masks merge slowly, the middle line bends at its end, so that directions farther off may tell more.
-    """
+    """Return the cost of two ports that are one strand: bend, sideways shift, difference of widths."""
     way = other.place - some.place
     way = way / max(float(np.linalg.norm(way)), 1e-9)
     turns = []
-    for inward, outward in (
-        (some.direction, other.direction),
-        (some.mean_direction, other.mean_direction),
-    ):
+    for inward, outward in _pair_directions(some, other):
         side = measure_angle(-inward, way) + measure_angle(outward, way)
         turns.append((measure_angle(-inward, outward) / _BEND) ** 2 + (side / _SIDE) ** 2)
     return min(turns) + _price_widths(some, other)
+
+
+def _pair_directions(some: Port, other: Port) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Return the directions of two ports at their hubs, and those over the stretches near these.
+
+    The first tell how a bent strand goes on. Where masks merge slowly, the others do: the middle line bends.
+    """
+    return (some.direction, other.direction), (some.mean_direction, other.mean_direction)
 
 
 def _price_widths(some: Port, other: Port) -> float:
