@@ -30,6 +30,7 @@ _MAX_HUBS = 4  # of one place
 _MAX_CLUSTER = 9  # hubs that are decided together
 _NARROWER = 0.7  # of the reach that puts hubs together, for clusters with more
 _LAID_LEVEL = 2.5  # cost of a high stretch beside an end that lies on a strand at most
+_UNDER_LEVEL = 6.0  # the same beside one that lies under it: on its other side, the strand may go on
 _SHORT_ARC = 1.6  # length of an arc below which its ends may be one junction, half widths
 _SHORT_COST = 3.0  # cost of two junctions at one place
 _ALIKE = 3.0  # costs over the least of groupings that make the same graph
@@ -338,7 +339,8 @@ def _search(
 def _limit_levels(group: Group, reading: Reading) -> dict[int, float]:
     """Return the hubs where arcs are joined or end, and what a high stretch to the next one costs at most."""
     met = [group.at[port] for port in (reading.junction if reading.laid is None else range(3))]
-    return {hub: np.inf if reading.laid is None else _LAID_LEVEL for hub in met if met.count(hub) > 1}
+    most = np.inf if reading.laid is None else _UNDER_LEVEL if reading.under else _LAID_LEVEL
+    return {hub: most for hub in met if met.count(hub) > 1}
 
 
 def _describe(places: Sequence[tuple[Group, Reading]]) -> list[tuple[str, ...]]:

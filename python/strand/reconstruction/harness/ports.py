@@ -30,6 +30,8 @@ class Port:
         Where the arc enters the hub, and the unit vector along it there, away from the hub.
     mean_direction : (2,) ndarray
         The same over all of the stretch near the hub.
+    curvature : (2,) ndarray
+        Change of the direction there along the arc, per cell.
     half_width : float
     height : float
         Of the surface, continued to the hub, metres.
@@ -46,6 +48,7 @@ class Port:
     place: Array
     direction: Array
     mean_direction: Array
+    curvature: Array
     half_width: float
     height: float
     near: float
@@ -68,10 +71,11 @@ def measure_port(arc: int, end: int, lines: Lines, drawn: SurfaceMap, floor: flo
         used = np.ones(len(cells), dtype=bool)
     stretch, heights = cells[used], drawn.sample_heights(cells[used])
     mean_direction = _find_direction(stretch, stretch.mean(axis=0) - hub)
-    place, direction = stretch.mean(axis=0), mean_direction
+    place, direction, curvature = stretch.mean(axis=0), mean_direction, np.zeros(2)
     if len(stretch) > _BENT:
         fitted = np.polynomial.polynomial.polyfit(along[used] - entry, stretch, 2)
         place, direction = fitted[0], fitted[1] / max(float(np.linalg.norm(fitted[1])), 1e-9)
+        curvature = 2.0 * fitted[2]
     height, scatter = float(np.median(heights)), float(heights.std())
     if len(stretch) > _BENT:
         line = np.polynomial.polynomial.polyfit(along[used], heights, 1)
@@ -83,7 +87,8 @@ def measure_port(arc: int, end: int, lines: Lines, drawn: SurfaceMap, floor: flo
     own = float(np.median(drawn.sample_heights(cells[rest] if rest.any() else stretch)))
     # wires side by side are wider than high
     bottom = max(near - (1.0 + drawn.ridge) * drawn.cell * half_width, -np.inf if floor is None else floor)
-    return Port(arc, end, place, direction, mean_direction, half_width, height, near, own, bottom, scatter)
+    directions = direction, mean_direction, curvature
+    return Port(arc, end, place, *directions, half_width, height, near, own, bottom, scatter)
 
 
 def measure_along(cells: Array) -> Array:

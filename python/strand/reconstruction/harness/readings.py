@@ -19,6 +19,7 @@ from strand.support.checks import Array
 
 _PAIRINGS = (((0, 1), (2, 3)), ((0, 2), (1, 3)), ((0, 3), (1, 2)))
 _BEND = 0.45  # radians: bend of a strand through a crossing that costs 1
+_MAX_TURN = 0.6  # radians: turn of a strand from its port to the middle of a crossing at most
 _SIDE = 0.6  # radians: the same, between a strand and the way to its continuation
 _WIDTH = 0.46  # relative difference of its widths that costs 1
 _RISE = 0.8  # height of the upper strand over the lower one at least, radii
@@ -285,7 +286,23 @@ def _price_continuation(some: Port, other: Port) -> float:
     for inward, outward in _pair_directions(some, other):
         side = measure_angle(-inward, way) + measure_angle(outward, way)
         turns.append((measure_angle(-inward, outward) / _BEND) ** 2 + (side / _SIDE) ** 2)
+    gap = float(np.linalg.norm(other.place - some.place))
+    (first, inward), (second, outward) = (_continue_bent(port, 0.5 * gap) for port in (some, other))
+    aside = second - first
+    along = outward - inward
+    along /= max(float(np.linalg.norm(along)), 1e-9)
+    side = 2.0 * float(np.linalg.norm(aside - (aside @ along) * along)) / max(gap, 1e-9)
+    turns.append((measure_angle(-inward, outward) / _BEND) ** 2 + (side / _SIDE) ** 2)
     return min(turns) + _price_widths(some, other)
+
+
+def _continue_bent(port: Port, way: float) -> tuple[Array, Array]:
+    """Return the place (2,) and the direction (2,) of a port a way, cells, inwards, bent as it is outside."""
+    turn = way * float(np.linalg.norm(port.curvature))
+    curvature = port.curvature * min(_MAX_TURN / max(turn, 1e-9), 1.0)
+    direction = port.direction - way * curvature
+    direction /= max(float(np.linalg.norm(direction)), 1e-9)
+    return port.place - way * port.direction + 0.5 * way**2 * curvature, direction
 
 
 def _pair_directions(some: Port, other: Port) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

@@ -36,7 +36,7 @@ def draw(strands, shape=(240, 240)):
 
 def decide(strands):
     drawn = draw(strands)
-    return decide_places(trace_lines(drawn, RADIUS), drawn, on_table=True)
+    return decide_places(trace_lines(drawn, RADIUS), drawn, floor=0.0)
 
 
 LOW = RADIUS
@@ -115,7 +115,7 @@ def test_a_loop_from_a_junction_keeps_its_length(side):
     loop = [(*map(tuple, pair), LOW, LOW) for pair in pairwise(ring)]
     drawn = draw([((20, 118), (80, 120), LOW, LOW), *loop])
     lines = trace_lines(drawn, RADIUS)
-    strands = follow_strands(lines, decide_places(lines, drawn, on_table=True), drawn, None)
+    strands = follow_strands(lines, decide_places(lines, drawn, floor=0.0), drawn, None)
     lengths = [np.linalg.norm(np.diff(strand.nodes, axis=0), axis=1).sum() for strand in strands]
     assert max(lengths) == pytest.approx(CELL * 80.0 * np.pi, rel=0.1)
 
@@ -123,7 +123,7 @@ def test_a_loop_from_a_junction_keeps_its_length(side):
 def test_a_diagonal_strand_keeps_its_length():
     drawn = draw([((30, 30.5), (190, 190.5), LOW, LOW)])
     lines = trace_lines(drawn, RADIUS)
-    (strand,) = follow_strands(lines, decide_places(lines, drawn, on_table=True), drawn, None)
+    (strand,) = follow_strands(lines, decide_places(lines, drawn, floor=0.0), drawn, None)
     length = np.linalg.norm(strand.nodes[-1] - strand.nodes[0])
     assert length > CELL * np.hypot(160, 160)
 
