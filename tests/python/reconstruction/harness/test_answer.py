@@ -58,6 +58,37 @@ def test_one_view_hides_what_a_look_from_its_camera_shows(kind, seed):
     assert 0.3 < model.confidence < 0.9
 
 
+@pytest.mark.parametrize(
+    ("kind", "seed", "views"),
+    [
+        # a thin strand lies hidden under a long stretch of a thick one
+        ("near", 1109036, 7),
+        # two strands cross at a small angle, so that each side looks like an end under the other
+        ("near", 1071011, 3),
+        # an end lies on a bend of the strand below
+        ("laid", 1091037, 7),
+        # the last tie lies behind the place where the mask narrows
+        ("tied", 1106035, 3),
+    ],
+)
+def test_graphs_are_right_where_places_are_hard_to_read(kind, seed, views):
+    check_scene(harness(kind, seed=seed, views=views, noise=Noise(depth=0.0005)))
+
+
+def test_a_tie_that_holds_a_wire_to_itself_is_one_junction():
+    check_scene(harness("loop", seed=1091047, views=3, noise=Noise(depth=0.000916)))
+
+
+def test_a_rope_that_bends_through_a_crossing_has_no_ends_there():
+    check_scene(harness("rope", seed=1106051, views=3, noise=Noise(depth=0.000647)))
+
+
+def check_scene(made):
+    radii = sorted({round(radius, 5) for radius in made.radii})
+    model = strand.reconstruct(made.views, radii, made.bounds, branches=True)
+    check_graph(made, model)
+
+
 def test_the_models_chains_are_the_edges():
     _, model = look("tree", 1)
     edges = model.harness.edges
