@@ -280,7 +280,7 @@ def _lift_to_backs(strand: Strand, wire: float, drawn: SurfaceMap) -> Strand:
 def _move_to_middle(strand: Strand, drawn: SurfaceMap) -> Strand:
     """Return a strand in the middle between the sides of its mask, where these are as far apart as usual.
 
-    Thinning cuts the bends of wide strands. Between such places the nodes move evenly; those at junctions stay.
+    Thinning cuts the bends of wide strands. Between such places, nodes move evenly; those at junctions stay.
     """
     places, heights = drawn.flatten(strand.nodes)
     half = strand.half_width / drawn.cell
