@@ -212,9 +212,8 @@ def _look(ground: Ground, toward: Array, asked: _Asked) -> _Sight:
                 f"views: the points make {len(lines.arcs)} strands, at most {_MAX_STRANDS}: a net, or noise; "
                 "give bounds or masks of the ropes alone"
             )
-        decided = _decide(
-            lines, drawn, None if ground.table is None else ground.table.offset, possible.radii, asked.net
-        )
+        floor = None if ground.table is None else ground.table.offset
+        decided = _decide(lines, drawn, floor, possible.radii, asked.net)
         strands = follow_strands(lines, decided, drawn, possible.radii)
         if not strands:
             raise NotEnoughDataError("views: the points make no strand; is the radius right, in metres?")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import count
+from itertools import count, pairwise
 
 import numpy as np
 
@@ -169,7 +169,7 @@ def _bridge(
     for piece, passing in zip(pieces[1:], passed, strict=False):
         kept[-1] = _leave_out(kept[-1][::-1], passing, drawn)[::-1]
         kept.append(_leave_out(piece, passing, drawn))
-    sides = [np.stack([before[-1], after[0]]) for before, after in zip(kept[:-1], kept[1:], strict=True)]
+    sides = [np.stack([before[-1], after[0]]) for before, after in pairwise(kept)]
     gaps = list(zip(sides, passed, strict=False))
     if len(passed) == len(pieces):
         # where a ring closes, both sides are ends of the line
@@ -262,7 +262,7 @@ def _lift(
 ) -> Strand:
     """Smooth a strand in the plan, and lift it by the height of the ridge.
 
-    It is hidden in `gaps`, each between two cells (2, 2), and towards its last cell in each of `under` (2, 2).
+    It is hidden in `gaps`, each between two cells (2, 2), and near the last cell in each of `under` (2, 2).
     """
     along = measure_along(cells)
     half = max(float(np.median(drawn.sample_widths(cells))), 1.0)
