@@ -21,9 +21,7 @@ from strand.support.checks import Array
 _MAX_MIDDLE = 12.0  # length of the stretch that two crossing strands share at most, half widths
 _MAX_TORN = 3.0  # distance of the hubs of one junction, half widths
 _MAX_TIED = 5.0  # length of the stretch along which one tie holds two strands at most, half widths
-_FLAT = 0.7  # height of strands side by side over the table at most, widths
-_LOW = 35.0  # percentile of the heights along it that is the strands'
-_TOP = 95.0  # the same that is the tie's
+_TOP = 95.0  # percentile of the heights along it that is the tie's
 _TIE = 0.1  # height of a tie over the strands at least, radii
 _MAX_AROUND = 4.0  # length of each arc around a hole in one place, half widths
 _MAX_HUBS = 4  # of one place
@@ -230,11 +228,9 @@ def _find_tie(inner: Sequence[int], ports: Sequence[Port], survey: _Survey) -> A
         return None
     drawn, cells = survey.drawn, survey.lines.arcs[inner[0]].cells
     heights = drawn.sample_heights(cells)
-    width = 2.0 * drawn.cell * float(np.median(drawn.sample_widths(cells)))
     radius = drawn.cell * float(np.mean([port.half_width for port in ports]))
-    low, top = np.percentile(heights, (_LOW, _TOP))
-    rest = max(port.rest for port in ports)
-    if low - survey.floor > _FLAT * width or top - rest < _TIE * radius:
+    top, rest = float(np.percentile(heights, _TOP)), max(port.rest for port in ports)
+    if not survey.ports[inner[0], 0].is_flat or top - rest < _TIE * radius:
         return None
     return np.asarray(cells[heights > 0.5 * (top + rest)].mean(axis=0))
 

@@ -14,6 +14,7 @@ _NEAR = 1.2  # distance from the hub where an arc is its own, half widths
 _TELLING = 5.0  # stretch from there on that tells its direction, half widths
 _FEW = 3  # cells that tell a direction at least
 _BENT = 7  # cells that tell a bend at least
+_FLAT = 0.7  # height of wires side by side over the table at most, widths
 _CLOSE = 3.0  # distance up to which heights are near, half widths
 _REST = (4.0, 12.0)  # distances between which heights are those of the arc itself, half widths
 
@@ -33,14 +34,16 @@ class Port:
     curvature : (2,) ndarray
         Change of the direction there along the arc, per cell.
     half_width : float
+    thickness : float
+        How high the strand is, metres: at most as its width, or as its surface over the table.
     height : float
         Of the surface, continued to the hub, metres.
     near, rest : float
         Height of the surface near the hub, and farther along the arc, metres.
-    bottom : float
-        Height of the lower surface near the hub, metres.
     scatter : float
         Standard deviation of the heights near the hub about a line, metres.
+    is_flat : bool
+        Whether wires lie side by side there: wide and low.
     """
 
     arc: int
@@ -50,11 +53,12 @@ class Port:
     mean_direction: Array
     curvature: Array
     half_width: float
+    thickness: float
     height: float
     near: float
     rest: float
-    bottom: float
     scatter: float
+    is_flat: bool
 
 
 def measure_port(arc: int, end: int, lines: Lines, drawn: SurfaceMap, floor: float | None) -> Port:
@@ -85,10 +89,11 @@ def measure_port(arc: int, end: int, lines: Lines, drawn: SurfaceMap, floor: flo
     rest = (along > _REST[0] * half_width) & (along < _REST[1] * half_width)
     near = float(np.median(drawn.sample_heights(cells[close] if close.any() else stretch)))
     own = float(np.median(drawn.sample_heights(cells[rest] if rest.any() else stretch)))
-    # wires side by side are wider than high
-    bottom = max(near - (1.0 + drawn.ridge) * drawn.cell * half_width, -np.inf if floor is None else floor)
+    width = (1.0 + drawn.ridge) * drawn.cell * half_width
+    is_flat = floor is not None and own - floor < _FLAT * width
+    thickness = width if floor is None else min(width, own - floor)
     directions = direction, mean_direction, curvature
-    return Port(arc, end, place, *directions, half_width, height, near, own, bottom, scatter)
+    return Port(arc, end, place, *directions, half_width, thickness, height, near, own, scatter, is_flat)
 
 
 def measure_along(cells: Array) -> Array:

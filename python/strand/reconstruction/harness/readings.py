@@ -162,12 +162,14 @@ def _read_three(own: Sequence[Port], drawn: SurfaceMap, on_table: bool) -> list[
         bend = min(measure_angle(-inward, outward) for inward, outward in _pair_directions(some, other))
         straight = (bend / _BEND) ** 2 + _price_widths(some, other) + _LAID
         # a strand that is thicker than both has a higher surface
-        thicker = radius - drawn.cell * max(some.half_width, other.half_width)
-        rise = end.near - max(some.rest, other.rest) - (1.0 + drawn.ridge) * max(thicker, 0.0)
+        thicker = end.thickness - max(some.thickness, other.thickness)
+        rise = end.near - max(some.rest, other.rest) - max(thicker, 0.0)
         drop = end.near - end.rest
-        bump = min(some.near, other.near) - max(port.rest for port in own)
+        # a bump of wires side by side is a tie
+        is_tied = some.is_flat or other.is_flat
+        bump = 0.0 if is_tied else min(some.near, other.near) - max(port.rest for port in own)
         # a strand that is short, or lies high for long, makes no bump
-        lift = min(some.bottom, other.bottom) - end.bottom
+        lift = min(some.near - some.thickness, other.near - other.thickness) - end.near + end.thickness
         for under, heights in (
             (False, (rise - _LAID_RISE * radius, drop - _LAID_DROP * radius)),
             (True, (max(bump, lift) - _LAID_RISE * radius,)),
@@ -189,7 +191,7 @@ def _read_four(
     lowest, top, highest = np.percentile(drawn.sample_heights(middle), [_LOWEST, _TOP, _HIGHEST])
     rest = max(port.rest for port in own)
     deviation = _measure_deviation(own, radius)
-    scale = drawn.cell * drawn.ridge
+    depth = drawn.ridge / (1.0 + drawn.ridge)  # of an axis below the surface, thicknesses
     readings, levels = [], []
     for pairs in _PAIRINGS:
         across = _lie_across(own, pairs)
@@ -199,7 +201,7 @@ def _read_four(
             continue
         first, second = (0.5 * (own[i].height + own[j].height) for i, j in pairs)
         # axes, as strands of different widths that lie on a table differ in their surfaces
-        ridges = [0.5 * scale * (own[i].half_width + own[j].half_width) for i, j in pairs]
+        ridges = [0.5 * depth * (own[i].thickness + own[j].thickness) for i, j in pairs]
         rise = abs(first - ridges[0] - second + ridges[1])
         if on_table:
             rise = max(rise, top - rest)
@@ -231,7 +233,8 @@ def _read_five(
     top = float(np.percentile(drawn.sample_heights(middle), _TOP))
     base = max(port.rest for port in own)
     widths = drawn.cell * np.array([port.half_width for port in own])
-    axes = np.array([port.height for port in own]) - drawn.ridge * widths
+    ridges = drawn.ridge / (1.0 + drawn.ridge) * np.array([port.thickness for port in own])
+    axes = np.array([port.height for port in own]) - ridges
     radius = float(widths.mean())
     deviation = _measure_deviation(own, radius)
     for pair in combinations(range(5), 2):
@@ -248,8 +251,8 @@ def _read_five(
         cost += _RISE_WEIGHT * (max(0.0, _RISE * radius - rise) / deviation) ** 2
         apart = float(np.ptp(axes[list(rest)])) - _SPREAD * radius
         cost += min(_LEVEL_WEIGHT * (max(0.0, apart) / deviation) ** 2, _MAX_LEVEL)
-        own_height = float(passing + drawn.ridge * widths[list(pair)].mean())
-        other = float(joint + drawn.ridge * widths[list(rest)].mean())
+        own_height = float(passing + ridges[list(pair)].mean())
+        other = float(joint + ridges[list(rest)].mean())
         readings.append(Reading(cost, rest, (pair,), (own_height,), (other,), place=place))
         levels.append(_price_rise(rise, radius, deviation))
     if joined:
