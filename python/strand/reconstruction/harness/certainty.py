@@ -9,6 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
+from strand.geometry.polyline import path_length
 from strand.reconstruction.harness.graph import Graph
 from strand.reconstruction.harness.method import FoundHarness
 from strand.ropes.chain import Chain
@@ -51,6 +52,11 @@ _FEWEST = 25  # points of each at least
 _UNEVEN = 1.55  # scatter of one stretch at least, that of the median one
 _SMOOTH = 0.05  # the same, radii
 _UNEVEN_DOUBT = 0.4  # doubt of each such strand
+_QUARTERS = 4  # parts of a strand whose widths are compared
+_FEWEST_NODES = 5  # of each at least
+_AT_ENDS = 4.0  # length of a strand at its ends that does not count, half widths
+_WIDER = 1.5  # width of the widest part at least, that of the narrowest
+_WIDER_DOUBT = 0.25  # doubt of each such strand
 _LEFT_SHARE = 0.04  # share of points beside all tubes that raises no doubt
 _LEFT_DOUBT = 5.0  # doubt for all points beyond
 
@@ -134,6 +140,7 @@ def judge(found: FoundHarness, graph: Graph, chains: Sequence[Chain]) -> Certain
     doubts += _doubt_gaps(graph, chains) if found.ground.table is None else []
     doubts += _doubt_lost_wires(found, graph)
     doubts += _doubt_uneven(found)
+    doubts += _doubt_widths(found)
     return Certainty(nodes, crossings, doubts)
 
 
@@ -257,6 +264,24 @@ def _doubt_uneven(found: FoundHarness) -> list[Doubt]:
             reason = "in one stretch, points lie farther off the strand's surface than elsewhere"
             place = fit.points[stretches[worst]].mean(axis=0)
             doubts.append(Doubt("rival", _UNEVEN_DOUBT, "whether two strands run there", reason, place))
+    return doubts
+
+
+def _doubt_widths(found: FoundHarness) -> list[Doubt]:
+    """Doubt round strands whose mask is far wider in one part: another strand goes on there, say."""
+    drawn, doubts = found.drawn, []
+    for strand, is_flat in zip(found.strands, found.beside.flat, strict=True):
+        along = path_length(strand.nodes)
+        reach = _AT_ENDS * strand.half_width
+        inner = strand.nodes[(along > reach) & (along < along[-1] - reach)]
+        if is_flat or len(inner) < _QUARTERS * _FEWEST_NODES:
+            continue
+        widths = drawn.sample_widths(drawn.flatten(inner)[0])
+        parts = [float(np.median(part)) for part in np.array_split(widths, _QUARTERS)]
+        if max(parts) > _WIDER * min(parts):
+            reason = f"a strand is {max(parts) / min(parts):.1f} times as wide in one part as in another"
+            place = np.array_split(inner, _QUARTERS)[int(np.argmax(parts))].mean(axis=0)
+            doubts.append(Doubt("rival", _WIDER_DOUBT, "how strands run", reason, place))
     return doubts
 
 

@@ -110,7 +110,9 @@ def _is_spur(arc: Arc, lines: Lines, drawn: SurfaceMap, radius: float) -> bool:
         return arc.hubs[0] == arc.hubs[1] and length * drawn.cell < _MIN_LOOP * radius
     if free == 2:
         return length * drawn.cell < _MAX_LONELY * radius
-    seen = drawn.share_seen(arc.cells)
+    # a shadow reaches to the end, but a strand comes out of it
+    outer = arc.from_end(arc.hubs.index(NO_HUB))
+    seen = drawn.share_seen(outer[: len(outer) // 2 + 1])
     length /= max(float(drawn.sample_widths(lines.hubs[max(arc.hubs)][None])[0]), 1.0)
     return seen < _MIN_SEEN or length < (_MAX_SPUR if seen > _CLEAR else _MAX_SHADOW)
 
