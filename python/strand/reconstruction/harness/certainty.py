@@ -274,9 +274,11 @@ def _doubt_widths(found: FoundHarness) -> list[Doubt]:
         along = path_length(strand.nodes)
         reach = _AT_ENDS * strand.half_width
         inner = strand.nodes[(along > reach) & (along < along[-1] - reach)]
+        widths = drawn.sample_widths(drawn.flatten(inner)[0])
+        # a method for ropes may lead strands off the mask
+        inner, widths = inner[widths > 0.0], widths[widths > 0.0]
         if is_flat or len(inner) < _QUARTERS * _FEWEST_NODES:
             continue
-        widths = drawn.sample_widths(drawn.flatten(inner)[0])
         parts = [float(np.median(part)) for part in np.array_split(widths, _QUARTERS)]
         if max(parts) > _WIDER * min(parts):
             reason = f"a strand is {max(parts) / min(parts):.1f} times as wide in one part as in another"
