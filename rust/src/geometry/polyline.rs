@@ -3,7 +3,8 @@
 /// Returns the arc length from the first node to each node.
 pub fn arc_length<const N: usize>(nodes: &[[f64; N]]) -> Vec<f64> {
     let mut total = 0.0;
-    let mut lengths = vec![0.0];
+    let mut lengths = Vec::with_capacity(nodes.len().max(1));
+    lengths.push(0.0);
     for pair in nodes.windows(2) {
         total += (0..N).map(|k| (pair[1][k] - pair[0][k]).powi(2)).sum::<f64>().sqrt();
         lengths.push(total);

@@ -78,7 +78,7 @@ kernel! {
             for (wide, columns) in wide.chunks_mut(MANY).zip(columns.chunks(MANY)) {
                 let (first, last) = (columns[0].0, columns[columns.len() - 1].0 + 1);
                 // most of a mask's box is empty
-                if from[first..=last].iter().fold(0.0, |sum, value| sum + value) > 0.0 {
+                if from[first..=last].iter().fold(false, |any, &value| any | (value > 0.0)) {
                     for (value, &(i, a)) in wide.iter_mut().zip(columns) {
                         *value = f64::from(from[i]) * (1.0 - a) + f64::from(from[i + 1]) * a;
                     }
@@ -100,7 +100,7 @@ kernel! {
                 current = j;
             }
             for ((to, above), below) in to.chunks_mut(MANY).zip(above.chunks(MANY)).zip(below.chunks(MANY)) {
-                if above.iter().zip(below).fold(0.0, |sum, (above, below)| sum + above + below) > 0.0 {
+                if above.iter().zip(below).fold(false, |any, (&a, &b)| any | (a > 0.0) | (b > 0.0)) {
                     for ((value, above), below) in to.iter_mut().zip(above).zip(below) {
                         *value = (above * (1.0 - b) + below * b) as f32 > level;
                     }
@@ -218,7 +218,16 @@ pub(super) fn find_next(values: &[bool], from: usize, value: bool) -> usize {
     {
         at += MANY;
     }
-    values[at..].iter().position(|&v| v == value).map_or(values.len(), |more| at + more)
+    let flipped = if value { 0 } else { u64::from_ne_bytes([1; 8]) };
+    let (eights, rest) = values[at..].as_chunks();
+    for eight in eights {
+        let found = u64::from_le_bytes(eight.map(u8::from)) ^ flipped;
+        if found != 0 {
+            return at + found.trailing_zeros() as usize / 8;
+        }
+        at += 8;
+    }
+    rest.iter().position(|&v| v == value).map_or(values.len(), |more| at + more)
 }
 
 /// Returns the root of a run's tree, and shortens the path to it.

@@ -28,7 +28,7 @@ impl Bits {
             mask.values.chunks_exact(mask.width.max(1)).zip(made.words[1..].chunks_mut(made.stride.max(1)));
         for (values, words) in rows {
             for (word, values) in words.iter_mut().zip(values.chunks(WORD_PIXELS)) {
-                *word = values.iter().rev().fold(0, |word, &value| word << 1 | u64::from(value));
+                *word = pack(values);
             }
         }
         made
@@ -113,6 +113,21 @@ impl Bits {
             }
         }
     }
+}
+
+/// Packs at most 64 pixels, the first into the lowest bit.
+fn pack(values: &[bool]) -> u64 {
+    let (eights, rest) = values.as_chunks::<8>();
+    let mut word = 0;
+    for (k, eight) in eights.iter().enumerate() {
+        // the product gathers the lowest bits of the bytes in its highest byte
+        let byte = u64::from_le_bytes(eight.map(u8::from)).wrapping_mul(0x0102_0408_1020_4080) >> 56;
+        word |= byte << (8 * k);
+    }
+    for (k, &value) in rest.iter().enumerate() {
+        word |= u64::from(value) << (8 * eights.len() + k);
+    }
+    word
 }
 
 /// Returns which neighbours of a word's pixels are set, clockwise from above, given three words of three rows.

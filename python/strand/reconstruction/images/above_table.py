@@ -127,9 +127,13 @@ def segment_above_table(
     image: DepthImage, table: Plane, bounds: Box | None, radius: float
 ) -> NDArray[np.bool_]:
     """(H, W) Return the pixels in bounds whose smoothed height is that of a rope of a radius, metres."""
-    above, seen, pixels = measure_heights(image, table, bounds, radius)
-    if pixels == 0.0 or pixels > _MAX_RADIUS * max(image.depth.shape):
-        return np.zeros(image.depth.shape, dtype=bool)
+    return select_standing(*measure_heights(image, table, bounds, radius), radius)
+
+
+def select_standing(above: Array, seen: NDArray[np.bool_], pixels: float, radius: float) -> NDArray[np.bool_]:
+    """(H, W) Return the same, given what `measure_heights` returns."""
+    if pixels == 0.0 or pixels > _MAX_RADIUS * max(above.shape):
+        return np.zeros(above.shape, dtype=bool)
     kernel = make_gaussian_kernel(max(_SMOOTHING * pixels, _MIN_SMOOTHING))
     heights = (MIN_HEIGHT * radius, MAX_HEIGHT * radius)
     return _core.find_standing(above, seen, heights, kernel, _EDGE_HEIGHT * radius, _MIN_SEEN)

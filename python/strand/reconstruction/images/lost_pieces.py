@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.geometry.plane import Plane
-from strand.reconstruction.images.above_table import measure_heights, segment_above_table
+from strand.reconstruction.images.above_table import measure_heights, select_standing
 from strand.support.checks import Array
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
@@ -50,7 +50,8 @@ def _mend_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
     window = image.frame_mask(_MARGIN + int(_AROUND * pixels))
     part = image.cropped(window)
     mask = part.mask
-    stands = segment_above_table(part, table, bounds, radius)
+    heights, seen, shown = measure_heights(part, table, bounds, radius)
+    stands = select_standing(heights, seen, shown, radius)
     if part.occluders is not None:
         stands = stands & ~part.occluders
     rim = max(_MIN_RIM, _RIM * pixels)
@@ -62,18 +63,24 @@ def _mend_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
     pieces = 1 + np.flatnonzero((areas > _MIN_AREA) & (areas < _MAX_AREA))
     if not len(pieces):
         return image
-    heights, seen, _ = measure_heights(part, table, bounds, radius)
-    heights = np.where(seen, heights / radius, np.nan)
     added = np.zeros_like(mask)
+    places = np.argwhere(lost)
+    owners = numbers[lost]
     for number in pieces:
-        piece = numbers == number
+        own = places[owners == number]
+        margin = int(rim + _TOUCH) + 2
+        corner = np.maximum(own.min(axis=0) - margin, 0)
+        end = own.max(axis=0) + margin + 1
+        box = (slice(corner[0], end[0]), slice(corner[1], end[1]))
+        piece = numbers[box] == number
         width = float(_core.measure_edge_distances(piece, int(2.0 * _MAX_HALF_WIDTH * pixels) + 2).max())
         if not _MIN_HALF_WIDTH * pixels < width < _MAX_HALF_WIDTH * pixels:
             continue
         away = _measure_distances(piece, rim + _TOUCH)
-        touched = mask & (away <= rim + _TOUCH)
-        if _joins_an_end(mask, touched, pixels) and _is_level(heights, piece, touched):
-            added |= stands & (away <= rim)
+        touched = mask[box] & (away <= rim + _TOUCH)
+        in_radii = np.where(seen[box], heights[box] / radius, np.nan)
+        if _joins_an_end(mask, touched, corner, pixels) and _is_level(in_radii, piece, touched):
+            added[box] |= stands[box] & (away <= rim)
     if not (added & ~mask).any():
         return image
     mended = image.mask.copy()
@@ -86,12 +93,17 @@ def _measure_distances(mask: NDArray[np.bool_], most: float) -> NDArray[np.float
     return _core.measure_edge_distances(~mask, int(most) + 2)
 
 
-def _joins_an_end(mask: NDArray[np.bool_], touched: NDArray[np.bool_], pixels: float) -> bool:
-    """Tell whether a piece touches a mask at several places, of which one is an end of the mask."""
+def _joins_an_end(
+    mask: NDArray[np.bool_], touched: NDArray[np.bool_], corner: NDArray[np.int64], pixels: float
+) -> bool:
+    """Tell whether a piece touches a mask at several places, of which one is an end of the mask.
+
+    The touched pixels are those of a part of the mask, whose first row and column are given.
+    """
     numbers = _core.number_blobs(touched)
     places: list[Array] = []
     for number in range(1, int(numbers.max()) + 1):
-        place = np.argwhere(numbers == number)
+        place = corner + np.argwhere(numbers == number)
         along = float(np.ptp(place, axis=0).max()) + 1.0
         if along > _MAX_TOUCH * pixels:
             return False
@@ -111,6 +123,9 @@ def _is_level(heights: Array, piece: NDArray[np.bool_], touched: NDArray[np.bool
 def _is_end(mask: NDArray[np.bool_], place: Array, pixels: float) -> bool:
     """Tell whether a mask ends at a place, row and column, rather than passing it."""
     reach = _END_REACH * pixels
-    rows, columns = np.ogrid[: mask.shape[0], : mask.shape[1]]
-    disc = (rows - place[0]) ** 2 + (columns - place[1]) ** 2 <= reach**2
-    return bool(np.count_nonzero(mask & disc) < _MAX_END_SHARE * np.pi * reach**2)
+    low = np.maximum(np.floor(place - reach), 0).astype(np.int64)
+    high = np.ceil(place + reach).astype(np.int64) + 1
+    around = mask[low[0] : high[0], low[1] : high[1]]
+    rows, columns = (low[k] + np.arange(around.shape[k]) - place[k] for k in (0, 1))
+    disc = rows[:, None] ** 2 + columns**2 <= reach**2
+    return bool(np.count_nonzero(around & disc) < _MAX_END_SHARE * np.pi * reach**2)

@@ -5,6 +5,7 @@ use super::curves::Curves;
 use super::evidence::Seen;
 use super::outcome::Misfit;
 use super::places::{Place2, STEP};
+use crate::simd::kernel;
 
 /// Mask within this distance of the axis is covered, image radii, and pixels in addition.
 const COVERS: (f64, f64) = (1.2, 0.5);
@@ -17,6 +18,7 @@ const SPILLS: f64 = 0.9;
 const SPECK: f64 = 1.0; // distance of a mask's pixels at least from what is left of it without specks, pixels
 const SLACK: f64 = 0.01; // pixels by which more is measured than is needed, against rounding
 const FLAT: f64 = 1e-6; // smaller slopes count as none
+const MANY: usize = 64; // pixels that are looked at together
 const NOISE: f64 = 0.5; // noise that divides depth residuals, radii
 const LIMIT: f64 = 6.0; // limit of a squared depth residual over the noise
 
@@ -37,16 +39,18 @@ pub fn add_view(
     let spills = SPILLS * radius_px.min(view.silhouette.shown_px);
     let (mut uncovered, mut outside, mut spilled) = (0, 0, 0);
     let limits = [covers, spills].map(|limit| (limit * limit) as f32);
+    let mut inside = vec![false; distances.width];
+    let mut found = Vec::new();
     for (row, squares) in distances.squares.chunks_exact(distances.width.max(1)).enumerate() {
-        let inside = view.medians.inside(distances.low[0], row as i64 + distances.low[1]);
-        for ((column, &square), inside) in squares.iter().enumerate().zip(inside) {
-            if inside && square > limits[0] {
-                let place = distances.place(column, row);
+        view.medians.fill_inside(distances.low[0], row as i64 + distances.low[1], &mut inside);
+        find_unlike(squares, &inside, limits, &mut found);
+        for &column in &found {
+            let (square, place) = (squares[column], distances.place(column, row));
+            if inside[column] {
                 if !distances.closes(column, row, covers + more, more) {
                     uncovered += u32::from(view.silhouette.distance(place) > -SPECK);
                 }
-            } else if !inside && square < limits[1] {
-                let place = distances.place(column, row);
+            } else {
                 if view.silhouette.hidden(place) {
                     continue;
                 }
@@ -110,9 +114,7 @@ impl Distances {
                 around.map_or(reach, |(before, &after)| reach * halve_turn(before, nodes[i], after))
             })
             .collect();
-        for (pair, beyond) in nodes.windows(2).zip(beyond.windows(2)) {
-            self.stamp([pair[0], pair[1]], [beyond[0], beyond[1]], reach, size);
-        }
+        stamp_chain(self, nodes, &beyond, reach, size);
     }
 
     /// Returns the place of a pixel in the image.
@@ -136,6 +138,7 @@ impl Distances {
     }
 
     /// Takes the distances from a segment of pixels beside it, and `beyond` its ends.
+    #[inline(always)]
     fn stamp(&mut self, [a, b]: [Place2; 2], beyond: [f64; 2], reach: f64, size: [usize; 2]) {
         let range = |k: usize| {
             let from = (a[k].min(b[k]) - reach).ceil() as i64 - self.low[k];
@@ -160,11 +163,45 @@ impl Distances {
             let last = ((to + a[0]).floor() + 1.0).max(first as f64).min(columns.end as f64) as usize;
             let py = y as f32 - start[1];
             let row = &mut self.squares[y * self.width..][first..last];
-            for (square, x) in row.iter_mut().zip(first..) {
+            for (square, x) in row.iter_mut().zip(first as i32..) {
                 let px = x as f32 - start[0];
                 let t = ((px * d[0] + py * d[1]) * inverse).clamp(0.0, 1.0);
                 let (ex, ey) = (px - t * d[0], py - t * d[1]);
-                *square = square.min(ex * ex + ey * ey);
+                let own = ex * ex + ey * ey;
+                *square = if own < *square { own } else { *square };
+            }
+        }
+    }
+}
+
+kernel! {
+    /// Takes the distances from the segments of a polyline, and `beyond` its nodes.
+    fn stamp_chain<S>(
+        _,
+        distances: &mut Distances,
+        nodes: &[Place2],
+        beyond: &[f64],
+        reach: f64,
+        size: [usize; 2],
+    ) {
+        for (pair, beyond) in nodes.windows(2).zip(beyond.windows(2)) {
+            distances.stamp([pair[0], pair[1]], [beyond[0], beyond[1]], reach, size);
+        }
+    }
+}
+
+kernel! {
+    /// Finds a row's pixels inside the mask whose square is above the first limit, and others below the second.
+    fn find_unlike<S>(_, squares: &[f32], inside: &[bool], limits: [f32; 2], found: &mut Vec<usize>) {
+        found.clear();
+        let is_unlike = |square: f32, inside: bool| {
+            (inside & (square > limits[0])) | (!inside & (square < limits[1]))
+        };
+        for (k, (squares, inside)) in squares.chunks(MANY).zip(inside.chunks(MANY)).enumerate() {
+            let pixels = || squares.iter().zip(inside).map(|(&square, &inside)| is_unlike(square, inside));
+            // most have none
+            if pixels().fold(false, |any, unlike| any | unlike) {
+                found.extend(pixels().enumerate().filter(|(_, unlike)| *unlike).map(|(i, _)| k * MANY + i));
             }
         }
     }
@@ -180,6 +217,7 @@ fn halve_turn(before: Place2, node: Place2, after: Place2) -> f64 {
 }
 
 /// Returns the part of an interval of x in which slope * x is between two numbers.
+#[inline(always)]
 fn find_between([low, high]: [f64; 2], slope: f64, within: [f64; 2]) -> [f64; 2] {
     if slope.abs() < FLAT {
         // so nearly parallel that all of it is, or none

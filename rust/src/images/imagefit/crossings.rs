@@ -180,14 +180,9 @@ pub fn apart(chain: [u32; 2], index: [usize; 2]) -> bool {
 }
 
 /// Returns pairs of samples that hide each other in an image, sorted, with their distance, image radii.
-pub fn find_hiding(
-    places: &[Place2],
-    chains: &[u32],
-    grid: &super::grid::Grid,
-    radius_px: f64,
-) -> Vec<([usize; 2], f64)> {
+pub fn find_hiding(chains: &[u32], grid: &super::grid::Grid, radius_px: f64) -> Vec<([usize; 2], f64)> {
     let mut found = Vec::new();
-    grid.pairs(places, HIDES * radius_px, |i, j, d| {
+    grid.pairs(HIDES * radius_px, |i, j, d| {
         if apart([chains[i], chains[j]], [i, j]) {
             found.push(([i, j], d.sqrt() / radius_px));
         }

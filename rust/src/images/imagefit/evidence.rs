@@ -79,13 +79,13 @@ impl Seen {
         self.radii.extend(self.places.iter().map(|y| radius_px * middle / y[2]));
 
         let reach = MIXES.0 * radius_px + MIXES.1;
-        self.grid.fill(&self.image, view.silhouette.frame(), reach.max(2.5 * radius_px));
+        self.grid.fill(&self.image, view.silhouette.frame(), reach);
         self.visible.clear();
         self.visible.resize(positions.len(), true);
         self.mixed.clear();
         self.mixed.resize(positions.len(), false);
         let hides = (HIDES * radius_px).powi(2);
-        self.grid.pairs(&self.image, reach, |i, j, d| {
+        self.grid.pairs(reach, |i, j, d| {
             if apart([curves.numbers[i], curves.numbers[j]], [i, j]) {
                 self.mixed[i] = true;
                 self.mixed[j] = true;

@@ -2,6 +2,9 @@
 
 use super::places::Place2;
 
+const CELLS: f64 = 16.0; // cells for each place, about
+const NARROW: f64 = 0.51; // side of a cell at least, reaches
+
 /// Places sorted into square cells.
 #[derive(Debug, Default)]
 pub struct Grid {
@@ -17,8 +20,10 @@ pub struct Grid {
 
 impl Grid {
     /// Sorts places into the cells of a frame, given by its corner and size. Places outside belong to the border's
-    /// cells.
-    pub fn fill(&mut self, places: &[Place2], frame: (Place2, [usize; 2]), cell: f64) {
+    /// cells. Cells are as wide as the `reach` of searches, or narrower where there are many places.
+    pub fn fill(&mut self, places: &[Place2], frame: (Place2, [usize; 2]), reach: f64) {
+        let area = frame.1.iter().map(|&n| n as f64).product::<f64>();
+        let cell = (area / (CELLS * places.len().max(1) as f64)).sqrt().clamp(NARROW * reach, reach);
         self.origin = frame.0;
         self.inverse = 1.0 / cell;
         self.size = frame.1.map(|n| (n as f64 / cell) as usize + 1);
@@ -90,16 +95,37 @@ impl Grid {
     }
 
     /// Calls with all pairs i < j of places nearer than `reach`, and their squared distance.
-    pub fn pairs(&self, places: &[Place2], reach: f64, mut call: impl FnMut(usize, usize, f64)) {
-        for (i, &at) in places.iter().enumerate() {
-            for run in self.around(at, reach) {
-                for &(j, place) in run {
-                    let d = (place[0] - at[0]).powi(2) + (place[1] - at[1]).powi(2);
-                    if j as usize > i && d < reach * reach {
-                        call(i, j as usize, d);
+    #[inline]
+    pub fn pairs(&self, reach: f64, mut call: impl FnMut(usize, usize, f64)) {
+        let [columns, rows] = self.size;
+        let cells = (reach * self.inverse).ceil() as usize;
+        let mut first = 0;
+        for cell in 0..columns * rows {
+            let end = self.starts[cell + 1] as usize;
+            if first == end {
+                continue;
+            }
+            let (x, y) = (cell % columns, cell / columns);
+            let right = (x + cells).min(columns - 1);
+            let run = |row: usize, left: usize| {
+                let row = row * columns;
+                self.starts[row + left] as usize..self.starts[row + right + 1] as usize
+            };
+            let below = (y + 1..(y + cells + 1).min(rows)).map(|row| run(row, x.saturating_sub(cells)));
+            for i in first..end {
+                let (number, at) = self.items[i];
+                // each pair once: with the places after it in its row of cells, and those in the rows below
+                let after = i + 1..run(y, x).end;
+                for run in std::iter::once(after).chain(below.clone()) {
+                    for &(other, place) in &self.items[run] {
+                        let d = (place[0] - at[0]).powi(2) + (place[1] - at[1]).powi(2);
+                        if d < reach * reach {
+                            call(number.min(other) as usize, number.max(other) as usize, d);
+                        }
                     }
                 }
             }
+            first = end;
         }
     }
 }
@@ -116,25 +142,30 @@ mod tests {
         };
         let places: Vec<Place2> = (0..300).map(place).collect();
         let mut grid = Grid::default();
-        for _ in 0..2 {
-            grid.fill(&places, ([0.0, 0.0], [40, 30]), 4.0);
-        }
         let square = |a: Place2, b: Place2| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
-        for i in 0..50 {
-            let at = place(1000 + i);
-            let full = (0..300).min_by(|&a, &b| square(places[a], at).total_cmp(&square(places[b], at)));
-            let full = full.filter(|&k| square(places[k], at) < 16.0);
-            assert_eq!(grid.nearest(at, 4.0, None), full);
-            assert_eq!(grid.nearest(at, 4.0, Some((5 * i, places[5 * i]))), full);
+        // narrow cells and wide ones
+        for frame in [[40, 30], [400, 300]] {
+            for _ in 0..2 {
+                grid.fill(&places, ([0.0, 0.0], frame), 4.0);
+            }
+            for i in 0..50 {
+                let at = place(1000 + i);
+                let full = (0..300).min_by(|&a, &b| square(places[a], at).total_cmp(&square(places[b], at)));
+                let full = full.filter(|&k| square(places[k], at) < 16.0);
+                assert_eq!(grid.nearest(at, 4.0, None), full);
+                assert_eq!(grid.nearest(at, 4.0, Some((5 * i, places[5 * i]))), full);
+            }
+            for reach in [1.9, 3.5, 5.0] {
+                let mut found = Vec::new();
+                grid.pairs(reach, |i, j, _| found.push([i, j]));
+                found.sort_unstable();
+                let full: Vec<[usize; 2]> = (0..300)
+                    .flat_map(|i| (i + 1..300).map(move |j| [i, j]))
+                    .filter(|&[i, j]| square(places[i], places[j]) < reach * reach)
+                    .collect();
+                assert!(full.len() > 100, "{}", full.len());
+                assert_eq!(found, full);
+            }
         }
-        let mut found = Vec::new();
-        grid.pairs(&places, 3.5, |i, j, _| found.push([i, j]));
-        found.sort_unstable();
-        let full: Vec<[usize; 2]> = (0..300)
-            .flat_map(|i| (i + 1..300).map(move |j| [i, j]))
-            .filter(|&[i, j]| square(places[i], places[j]) < 3.5 * 3.5)
-            .collect();
-        assert!(full.len() > 100);
-        assert_eq!(found, full);
     }
 }

@@ -6,7 +6,7 @@ use super::camera::{Plane, RopeView, Sensor};
 use super::crossings::{Crossing, Evidence, apart, find_hiding, find_overlaps};
 use super::grid::Grid;
 use super::order::decide_order;
-use super::places::{HIDES, MIXED, MIXES, OnChain, Place2, STEP};
+use super::places::{MIXED, MIXES, OnChain, Place2, STEP};
 use super::smoothing::Profile;
 use crate::geometry::median::{MEDIAN_TO_SD, median};
 use crate::geometry::polyline::{arc_length, resampled};
@@ -55,7 +55,7 @@ pub fn lift(
 
     let reach = MIXES.0 * radius_px + MIXES.1;
     let mut grid = Grid::default();
-    grid.fill(&places, view.silhouette.frame(), reach.max(HIDES * radius_px));
+    grid.fill(&places, view.silhouette.frame(), reach);
     let mut weights: Vec<f64> = depths.iter().map(|z| f64::from(u8::from(z.is_finite()))).collect();
     // beyond a rope's end lies the table
     for range in ranges.iter().filter(|range| range.len() > 4 * TIP) {
@@ -64,7 +64,7 @@ pub fn lift(
     }
     let mut owned = weights.clone();
     let mut mixed = vec![false; places.len()];
-    grid.pairs(&places, reach, |i, j, _| {
+    grid.pairs(reach, |i, j, _| {
         if apart([numbers[i], numbers[j]], [i, j]) {
             mixed[i] = true;
             mixed[j] = true;
@@ -75,7 +75,7 @@ pub fn lift(
         owned[i] *= MIXED;
     }
     let everywhere = weights.clone();
-    let pairs = find_hiding(&places, &numbers, &grid, radius_px);
+    let pairs = find_hiding(&numbers, &grid, radius_px);
     for &([i, j], _) in &pairs {
         weights[i] = 0.0;
         weights[j] = 0.0;

@@ -83,25 +83,28 @@ impl Medians {
         if seen.len() >= MIN_RETURNS { median(&mut seen) } else { f32::NAN }
     }
 
-    /// Tells of each pixel of an image's row, from a column on without end, whether it is inside the silhouette.
-    pub fn inside(&self, column: i64, row: i64) -> impl Iterator<Item = bool> + '_ {
+    /// Fills which pixels of an image's row, from a column on, are inside the silhouette.
+    pub fn fill_inside(&self, column: i64, row: i64, to: &mut [bool]) {
         let [x, y] = [column - self.origin[0] as i64, row - self.origin[1] as i64];
         let width = self.frame[0];
+        to.fill(false);
         let known = usize::try_from(y).ok().and_then(|y| self.inside.chunks_exact(width.max(1)).nth(y));
-        let before = usize::try_from(-x).unwrap_or(0);
+        let before = usize::try_from(-x).unwrap_or(0).min(to.len());
         let from = usize::try_from(x).unwrap_or(0).min(width);
-        let known = known.map_or(&[][..], |row| &row[from..]);
-        std::iter::repeat_n(false, before).chain(known.iter().copied()).chain(std::iter::repeat(false))
+        for (to, &known) in to[before..].iter_mut().zip(known.map_or(&[][..], |row| &row[from..])) {
+            *to = known;
+        }
     }
 
     /// Returns the median at the nearest place of the grid; NaN if there is none. The silhouette is that of the new ones.
     #[inline]
     pub fn at(&self, silhouette: &Silhouette, uv: Place2) -> f64 {
-        let cell: [f64; 2] = std::array::from_fn(|k| ((uv[k] - self.origin[k]) / self.step).round());
-        if !(cell[0] >= 0.0 && cell[1] >= 0.0) {
+        let cell: [f64; 2] = std::array::from_fn(|k| (uv[k] - self.origin[k]) / self.step);
+        if !(0..2).all(|k| cell[k] > -0.5 && cell[k] < self.size[k] as f64) {
             return f64::NAN;
         }
-        let [x, y] = cell.map(|c| c as usize);
+        // the nearest whole numbers
+        let [x, y] = cell.map(|c| c as usize + usize::from(c - (c as usize) as f64 >= 0.5));
         if x >= self.size[0] || y >= self.size[1] {
             return f64::NAN;
         }

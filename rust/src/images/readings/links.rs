@@ -61,17 +61,22 @@ impl Votes {
 
     /// Returns the votes near a polyline: their numbers, ascending, and the node nearest to each.
     fn near(&self, p: &[Place], within: f64) -> Vec<(usize, usize)> {
-        let mut nearest = vec![(within * within, usize::MAX); self.places.len()];
+        let mut nearest = vec![(within * within, u32::MAX); self.places.len()];
+        let mut found = Vec::new();
         for (i, node) in p.iter().enumerate() {
-            self.lookup.visit(*node, within, |k| {
-                let vote = self.places[k];
+            self.lookup.visit(*node, within, |k, vote| {
                 let square = (vote[0] - node[0]).powi(2) + (vote[1] - node[1]).powi(2);
-                if square < nearest[k].0 {
-                    nearest[k] = (square, i);
+                let (least, nearest) = &mut nearest[k];
+                if square < *least {
+                    if *nearest == u32::MAX {
+                        found.push(k);
+                    }
+                    (*least, *nearest) = (square, i as u32);
                 }
             });
         }
-        nearest.iter().enumerate().filter(|(_, n)| n.1 != usize::MAX).map(|(k, n)| (k, n.1)).collect()
+        found.sort_unstable();
+        found.into_iter().map(|k| (k, nearest[k].1 as usize)).collect()
     }
 }
 
@@ -89,6 +94,8 @@ pub fn fit(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f64])
         .into_iter()
         .map(|(k, nearest)| (votes.places[k], silhouette.boundary[k], nearest))
         .collect();
+    // with nodes at infinity before and after
+    let mut padded = vec![[f64::INFINITY; 2]; n + 2 * NEAR];
     for iteration in 0..8 {
         let most_cost = HOPELESS * (2.0 * FREE_END + BARE * h * (n - 1) as f64);
         if iteration == TRIAL && price_curve(silhouette, &x) > most_cost {
@@ -127,17 +134,15 @@ pub fn fit(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f64])
                 unit([b[0] - a[0], b[1] - a[1]])
             })
             .collect();
+        padded[NEAR..][..n].copy_from_slice(&x);
         for (vote, edge, last) in &mut edges {
             // nodes move little, so the nearest one is near the last nearest one
-            let range = last.saturating_sub(NEAR)..(*last + NEAR + 1).min(n);
-            let mut least = f64::INFINITY;
-            let mut k = 0;
-            for i in range {
-                let d = (vote[0] - x[i][0]).powi(2) + (vote[1] - x[i][1]).powi(2);
-                if d < least {
-                    (least, k) = (d, i);
-                }
+            let (mut least, mut nearest) = (f64::INFINITY, NEAR);
+            for (i, node) in padded[*last..][..2 * NEAR + 1].iter().enumerate() {
+                let d = (vote[0] - node[0]).powi(2) + (vote[1] - node[1]).powi(2);
+                (least, nearest) = if d < least { (d, i) } else { (least, nearest) };
             }
+            let k = *last + nearest - NEAR;
             *last = k;
             if k == 0 || k == n - 1 || least > (1.5 * reach * radius_px).powi(2) {
                 continue;

@@ -11,7 +11,8 @@ pub struct Lookup {
     width: usize,
     height: usize,
     starts: Vec<u32>,
-    nodes: Vec<u32>,
+    /// Numbers and places, cell by cell.
+    nodes: Vec<(u32, Place)>,
 }
 
 impl Lookup {
@@ -39,20 +40,22 @@ impl Lookup {
             starts[k + 1] += starts[k];
         }
         let mut next = starts.clone();
-        let mut sorted = vec![0; nodes.len()];
+        let mut sorted = vec![(0, [0.0; 2]); nodes.len()];
         for (i, x) in nodes.iter().enumerate() {
             let k = cell_of(x);
-            sorted[next[k] as usize] = i as u32;
+            sorted[next[k] as usize] = (i as u32, *x);
             next[k] += 1;
         }
         Self { low, cell, width, height, starts, nodes: sorted }
     }
 
-    /// Calls with the number of each place in the cells within reach of a place.
-    pub fn visit(&self, at: Place, reach: f64, mut call: impl FnMut(usize)) {
+    /// Calls with the number and the place of each place in the cells within reach of a place.
+    #[inline]
+    pub fn visit(&self, at: Place, reach: f64, mut call: impl FnMut(usize, Place)) {
         let range = |c: usize, count: usize| {
-            let first = ((at[c] - reach - self.low[c]) / self.cell).floor().max(0.0) as usize;
-            let last = ((at[c] + reach - self.low[c]) / self.cell).floor();
+            // a cast to an integer cuts off, and saturates
+            let first = ((at[c] - reach - self.low[c]) / self.cell) as usize;
+            let last = (at[c] + reach - self.low[c]) / self.cell;
             (first, if last < 0.0 { 0 } else { (last as usize + 1).min(count) })
         };
         let ((left, right), (top, bottom)) = (range(0, self.width), range(1, self.height));
@@ -61,8 +64,8 @@ impl Lookup {
                 break;
             }
             let (from, to) = (self.starts[y * self.width + left], self.starts[y * self.width + right]);
-            for &i in &self.nodes[from as usize..to as usize] {
-                call(i as usize);
+            for &(i, place) in &self.nodes[from as usize..to as usize] {
+                call(i as usize, place);
             }
         }
     }

@@ -257,14 +257,24 @@ fn find_zones(
 ) -> Vec<bool> {
     let n = net.len();
     let junctions: Vec<usize> = (0..n).filter(|&i| junction[i]).collect();
+    let reach = |j: usize| depth[j] + ZONE_PAD * radius_px;
+    let farthest = junctions.iter().map(|&j| reach(j)).fold(0.0, f64::max);
+    // pixels and junctions ascend row by row; those in rows farther away reach no pixel
+    let (mut first, mut last) = (0, 0);
+    let row = |i: usize| places[i][1];
     let mut zone: Vec<bool> = (0..n)
         .map(|i| {
-            let nearest = junctions
+            while last < junctions.len() && row(junctions[last]) <= row(i) + farthest {
+                last += 1;
+            }
+            while first < last && row(junctions[first]) < row(i) - farthest {
+                first += 1;
+            }
+            let nearest = junctions[first..last]
                 .iter()
                 .map(|&j| (distance(places[i], places[j]), j))
                 .min_by(|a, b| a.0.total_cmp(&b.0));
-            depth[i] > WIDE * radius_px
-                || nearest.is_some_and(|(away, j)| away < depth[j] + ZONE_PAD * radius_px)
+            depth[i] > WIDE * radius_px || nearest.is_some_and(|(away, j)| away < reach(j))
         })
         .collect();
     for _ in 0..2 {

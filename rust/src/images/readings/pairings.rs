@@ -10,6 +10,7 @@ use crate::parallel;
 
 pub const UNCOVERED: f64 = 0.8; // cost of uncovered mask, for each squared radius
 const KISS: f64 = 2.5; // cost of two strands that touch without crossing
+const KISSES: f64 = 1.7; // strands touch if their axes are nearer than this, image radii
 const MAX_KEPT: usize = 6; // ways that are kept at most
 const MAX_TRIED: usize = 20_000; // ways that are tried at most
 const MAX_PORTS: usize = 24; // ports of a zone at most that are all joined with each other
@@ -163,8 +164,10 @@ impl Region {
 ///
 /// Strands rarely touch by accident; crossings are more common.
 fn measure_kiss(p: &[Place], q: &[Place], radius_px: f64) -> f64 {
-    let away = nearest(p, q);
-    if away > 1.7 * radius_px || cross(p, q) { 0.0 } else { ((1.7 - away / radius_px) / 0.7).clamp(0.0, 1.0) }
+    match nearest(p, q, KISSES * radius_px) {
+        Some(away) if !cross(p, q) => ((KISSES - away / radius_px) / 0.7).clamp(0.0, 1.0),
+        _ => 0.0,
+    }
 }
 
 /// Returns which pairs of a zone's ports are worth a link: all, unless there are many ports.

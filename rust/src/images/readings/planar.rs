@@ -87,13 +87,13 @@ pub fn find_nearest_node(x: Place, p: &[Place], step: f64, within: f64) -> Optio
     found.map(|i| (i, least))
 }
 
-/// Returns the least distance between the nodes of two polylines.
-pub fn nearest(p: &[Place], q: &[Place]) -> f64 {
+/// Returns the least distance between the nodes of two polylines, if it is less than `within`.
+pub fn nearest(p: &[Place], q: &[Place], within: f64) -> Option<f64> {
     let step = find_longest_step(q).max(1e-9);
-    let mut least = f64::INFINITY;
+    let mut least = None;
     for &x in p {
-        if let Some((_, away)) = find_nearest_node(x, q, step, least) {
-            least = away;
+        if let Some((_, away)) = find_nearest_node(x, q, step, least.unwrap_or(within)) {
+            least = Some(away);
         }
     }
     least

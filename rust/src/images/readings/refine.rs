@@ -11,6 +11,8 @@ const REACH: [f64; 7] = [4.0, 4.0, 3.5, 3.0, 2.0, 1.3, 0.8];
 const NEAR: f64 = 1.2; // reach of edges near chains at least, image radii
 /// An edge is explained by a chain within this distance of its vote for the axis, image radii.
 const EXPLAINED: f64 = 0.8;
+const MAX_ALONG: f64 = 0.45; // cosine between an edge's normal and the rope's direction at most
+const SLACK: f64 = 1e-6; // pixels by which a search reaches farther than a known node, against rounding
 
 /// Fits chains together to the mask.
 pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>> {
@@ -31,6 +33,8 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
         let k = chain_of[i];
         i == starts[k] || i + 1 == starts[k] + chains[k].len()
     };
+    // the last nearest node of each edge, near which the next one is
+    let mut last: Vec<Option<usize>> = vec![None; silhouette.boundary.len()];
     for reach in REACH {
         let lookup = Lookup::new(&nodes, NEAR * radius_px);
         let tangents: Vec<Place> = (0..nodes.len())
@@ -43,30 +47,30 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
             .collect();
         let mut systems: Vec<(Bordered<PLANAR>, Vec<f64>)> =
             chains.iter().map(|c| (Bordered::zeros(2 * c.len(), 0), vec![0.0; 2 * c.len()])).collect();
-        for edge in &silhouette.boundary {
+        for (edge, last) in silhouette.boundary.iter().zip(&mut last) {
             let vote = [edge.at[0] - radius_px * edge.normal[0], edge.at[1] - radius_px * edge.normal[1]];
+            let away = |x: Place| [vote[0] - x[0], vote[1] - x[1]];
+            let squared = |d: Place| d[0] * d[0] + d[1] * d[1];
+            let is_across = |i: usize| {
+                (tangents[i][0] * edge.normal[0] + tangents[i][1] * edge.normal[1]).abs() < MAX_ALONG
+            };
+            let known = last.filter(|&i| is_across(i)).map(|i| squared(away(nodes[i])).sqrt() + SLACK);
             let nearest = |within: f64| {
-                let mut best: Option<(f64, usize, f64)> = None;
-                lookup.visit(vote, within, |i| {
-                    let d = [vote[0] - nodes[i][0], vote[1] - nodes[i][1]];
-                    let square = d[0] * d[0] + d[1] * d[1];
-                    if square >= best.map_or(within * within, |b| b.0) {
-                        return;
-                    }
-                    let along = (tangents[i][0] * edge.normal[0] + tangents[i][1] * edge.normal[1]).abs();
-                    if along < 0.45 {
-                        best = Some((square, i, (d[0] * edge.normal[0] + d[1] * edge.normal[1]) / radius_px));
+                let (mut least, mut found) = (within * within, None);
+                lookup.visit(vote, within.min(known.unwrap_or(within)), |i, node| {
+                    let square = squared(away(node));
+                    if square < least && is_across(i) {
+                        (least, found) = (square, Some(i));
                     }
                 });
-                best
+                found
             };
             // most edges have a chain beside them
             let near = nearest(NEAR * radius_px);
-            let best = if near.is_none() && reach > NEAR { nearest(reach * radius_px) } else { near };
-            let Some((_, i, residual)) = best else { continue };
-            if is_end(i) {
-                continue;
-            }
+            *last = if near.is_none() && reach > NEAR { nearest(reach * radius_px) } else { near };
+            let Some(i) = last.filter(|&i| !is_end(i)) else { continue };
+            let d = away(nodes[i]);
+            let residual = (d[0] * edge.normal[0] + d[1] * edge.normal[1]) / radius_px;
             let weight = if residual.abs() < EXPLAINED {
                 (1.0 - (residual / EXPLAINED).powi(2)).powi(2).max(0.25)
             } else if residual.abs() < reach {

@@ -125,7 +125,7 @@ fn polylines_have_their_lengths_bends_and_crossings() {
     let (t, u) = planar::cross_segments([0.0, 0.0], [60.0, 0.0], [30.0, -30.0], [30.0, 50.0]).unwrap();
     assert!((t - 0.5).abs() < 1e-12 && (u - 0.375).abs() < 1e-12);
     assert_eq!(planar::cross_segments([0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]), None);
-    assert!((planar::nearest(&a, &line([0.0, 9.0], [60.0, 9.0])) - 9.0).abs() < 1e-12);
+    assert!((planar::nearest(&a, &line([0.0, 9.0], [60.0, 9.0]), 20.0).unwrap() - 9.0).abs() < 1e-12);
     let cubic = planar::hermite([0.0, 0.0], [1.0, 0.0], [40.0, 20.0], [1.0, 0.0]);
     assert!(distance(cubic[0], [0.0, 0.0]) < 1e-9 && distance(cubic[39], [40.0, 20.0]) < 1e-9);
     assert!((cubic[1][1] / cubic[1][0]).abs() < 0.05);
