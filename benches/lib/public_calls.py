@@ -147,6 +147,7 @@ CALLS: dict[str, tuple[Callable, tuple, dict]] = {
     "visibility.free": (SEEN.free, (NODES, 0.005), {}),
     "visibility.seen_through": (SEEN.seen_through, (NODES, (1.0, 0.0, 0.0), 0.005), {}),
     "copy_depth": (_core.copy_depth, (DEPTH, 65.0), {}),
+    "copy_depth in units": (_core.copy_depth, ((1e3 * DEPTH).astype(np.uint16), 65.0, 1e-3), {}),
     "unproject": (_core.unproject, (DEPTH, *CAMERA), {}),
     "unproject inside a mask": (_core.unproject, (DEPTH, *CAMERA, MASK), {}),
     "crop_points": (_core.crop_points, (TUBE, EYE, (-1.0,) * 3, (1.0,) * 3, TUBE), {}),

@@ -14,6 +14,7 @@ from strand.views.pinhole import Pinhole, Pixels
 from strand.views.pose import moved
 
 _MIN_STRIP = 1.5  # pixels from a strip's middle to its edge
+_MAX_UINT16 = float(np.iinfo(np.uint16).max)
 _NEAREST = 1e-3  # metres from the camera: occluders count as this near, so that they hide all behind
 
 
@@ -123,11 +124,18 @@ class DepthImage:
         return moved(self.camera.lift(rows, columns, z), self.pose)
 
 
-def convert_to_meters(depth: ArrayLike, depth_scale: float | None) -> Array:
-    """(H, W) Return depths in metres."""
+def check_depth(
+    depth: ArrayLike, depth_scale: float | None
+) -> tuple[Array | NDArray[np.uint16], float | None]:
+    """Return a depth image (H, W) and the metres of its units; None if they are metres.
+
+    Only whole numbers of 16 bits keep their units.
+    """
     image = to_array("depth", depth)
     if depth_scale is not None:
         scale = check_positive("depth_scale", depth_scale)
+        if image.dtype == np.uint16 and image.ndim == 2 and np.isfinite(_MAX_UINT16 * scale):
+            return np.ascontiguousarray(image), scale
         if image.dtype.kind not in "fiu":
             raise TypeError(f"depth: expected numbers, got dtype {image.dtype}")
         given = image
@@ -143,7 +151,7 @@ def convert_to_meters(depth: ArrayLike, depth_scale: float | None) -> Array:
             f"depth: expected floating point numbers in metres, got dtype {image.dtype}; "
             "depth_scale= gives the metres of a unit, such as 0.001 for millimetres"
         )
-    return check_float_array("depth", image, ("H", "W"))
+    return check_float_array("depth", image, ("H", "W")), None
 
 
 def list_points(points: ArrayLike, colors: ArrayLike | None) -> tuple[Array, ArrayLike | None, int]:

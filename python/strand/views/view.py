@@ -26,7 +26,7 @@ from strand.support.checks import (
     to_array,
 )
 from strand.views.box import Bounds, Box, make_box
-from strand.views.depth_image import DepthImage, convert_to_meters, list_points
+from strand.views.depth_image import DepthImage, check_depth, list_points
 from strand.views.pinhole import Pinhole
 from strand.views.pose import moved
 
@@ -157,14 +157,14 @@ class View:
             negative, or `stamp` is as large as nanoseconds.
         """
         taken_at = check_stamp("stamp", stamp)
-        image = convert_to_meters(depth, depth_scale)
+        image, scale = check_depth(depth, depth_scale)
         camera = Pinhole.from_matrix(check_intrinsics("intrinsics", intrinsics))
         (fx, fy), (cx, cy) = camera
         height, width = image.shape
         aside = max(abs(cx), abs(width - 1.0 - cx), abs(cy), abs(height - 1.0 - cy), 1.0)
         # farther points are not finite
         farthest = 0.5 * np.finfo(float).max / aside * min(fx, fy, 1.0)
-        copied, dropped = _core.copy_depth(image, farthest)
+        copied, dropped = _core.copy_depth(image, farthest, scale)
         labels = None if mask is None else check_mask("mask", mask, (height, width))
         hiding = None
         if occluders is not None:

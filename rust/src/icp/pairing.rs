@@ -41,7 +41,6 @@ impl Pairing {
             })
             .collect();
         self.batches = batches;
-        self.pose = *pose;
         let mut sums = [0.0; TERMS];
         for part in parts {
             for (sum, part) in sums.iter_mut().zip(part) {
@@ -62,9 +61,8 @@ impl Pairing {
             .map(|batches| {
                 let mut sum = SMatrix::zeros();
                 for batch in batches {
-                    let moved = moved_to(&batch.points, &self.pose);
                     for l in 0..batch.count {
-                        let moved = moved.map(|values| values[l]);
+                        let moved = batch.moved.map(|values| values[l]);
                         if let Some(&target) = self.sorted.get(batch.partners[l] as usize)
                             && squared_distance(target, moved) <= self.reach * self.reach
                         {
@@ -93,7 +91,8 @@ kernel! {
         let mut sums = [[0.0; LANES]; TERMS];
         for batch in batches {
             let moved = moved_to(&batch.points, pose);
-            let steps = squares(&moved, &moved_to(&batch.points, &pairing.pose)).map(f64::sqrt);
+            let steps = squares(&moved, &batch.moved).map(f64::sqrt);
+            batch.moved = moved;
             let mut targets = [[0.0; BATCH]; 3];
             for l in 0..BATCH {
                 let partner = pairing.sorted.get(batch.partners[l] as usize).unwrap_or(&origin);

@@ -13,14 +13,27 @@ use crate::geometry::Point;
 use crate::parallel;
 
 /// Copy a depth image, and count its pixels that are not finite; see `strand.View.from_depth`.
+///
+/// With a `scale`, the image holds uint16, and each unit is that many metres.
 #[pyfunction]
+#[pyo3(signature = (depth, farthest, scale=None))]
 pub(super) fn copy_depth<'py>(
     py: Python<'py>,
     depth: &Bound<'py, PyAny>,
     farthest: f64,
+    scale: Option<f64>,
 ) -> PyResult<(PointsArray<'py>, usize)> {
-    let image = FloatArray::new("depth", depth)?;
-    let (shape, image) = (image.image_shape("depth")?, image.into_values());
+    let (shape, image) = match scale {
+        Some(scale) => {
+            let units = Array::<u16>::exactly("depth", depth, 2)?;
+            let metres = units.slice().iter().map(|&z| f64::from(z) * scale).collect();
+            (units.image_shape("depth")?, metres)
+        }
+        None => {
+            let metres = FloatArray::new("depth", depth)?;
+            (metres.image_shape("depth")?, metres.into_values())
+        }
+    };
     let (copy, dropped) =
         released_if_many(py, image.len() / CHEAP, move || depth::cleaned(image, farthest))??;
     Ok((constant(py, copy, shape)?, dropped))

@@ -25,6 +25,7 @@ depth = np.full((60, 80), 1.0)
 mask = np.zeros((60, 80), bool)
 mask[28:33, 5:75] = True
 shown = mask.view(np.uint8)
+units = np.full((60, 80), 1000, np.uint16)
 planes = np.zeros((3, 60, 80), np.float32)
 planes[:, 28:33, 5:75] = 60.0
 colors = np.zeros((60, 80, 3), np.uint8)
@@ -64,6 +65,7 @@ calls = {{
     "measure_behind": lambda: _core.measure_behind(depth, camera, eye, points, 0.1),
     "unproject": lambda: _core.unproject(depth, *camera),
     "copy_depth": lambda: _core.copy_depth(depth, 65.0),
+    "copy_depth in units": lambda: _core.copy_depth(units, 65.0, 1e-3),
     "fit_tubes": lambda: strand.fit_tubes([points[:500]], np.ones((1, 3)), [control], **fit),
     "fit_spline": lambda: _core.fit_spline(points[:40], 0.5, 0.1),
     "evaluate_spline": lambda: _core.evaluate_spline(control, points[0]),

@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
-use crate::geometry::{Point, RigidMotion, centroid, squared_distance};
+use crate::geometry::{Point, centroid, squared_distance};
 use crate::icp::options::IcpOptions;
 use crate::index::bounds::{Bounds, bounds};
 use crate::index::cells::Cells;
@@ -21,6 +21,8 @@ pub struct Batch {
     pub count: usize,
     /// Source frame; lanes without a point repeat the first.
     pub points: [[f64; BATCH]; 3],
+    /// The same at the last pose.
+    pub moved: [[f64; BATCH]; 3],
     /// Positions of the nearest target points in the cells' order; NONE if they are out of reach.
     pub partners: [u32; BATCH],
     /// All other target points are farther than this.
@@ -40,8 +42,6 @@ pub struct Pairing {
     pub batches: Vec<Batch>,
     pub source_points: usize,
     pub reach: f64,
-    /// The pose at which the pairs were found.
-    pub pose: RigidMotion,
     /// The middle of the source, in its frame.
     pub center: Point,
     /// Largest rounding error of a moved point.
@@ -80,6 +80,7 @@ impl Pairing {
                 Batch {
                     count: indices.len(),
                     points,
+                    moved: points,
                     partners: [NONE; BATCH],
                     others: [-1.0; BATCH],
                     listed: [[NONE; LISTED]; BATCH],
@@ -96,7 +97,6 @@ impl Pairing {
             batches,
             source_points: source.len(),
             reach,
-            pose: options.start,
             center,
             rounding,
         }
