@@ -209,7 +209,7 @@ def _make_group(hubs: tuple[int, ...], survey: _Survey, short: Sequence[int]) ->
     ports, at = _list_ports(hubs, inner, survey)
     torn = all(length < _MAX_TORN for length in lengths) and _meet_at_one(hubs, survey)
     cells = np.concatenate([lines.hubs[list(hubs)], *(lines.arcs[number].cells for number in inner)])
-    tie = _find_tie(inner, ports, survey)
+    tie = _find_holding_tie(inner, ports, survey)
     readings = list_readings(ports, at, cells, survey.drawn, survey.on_table, torn, tie)
     return Group(hubs, inner, ports, at, cells.mean(axis=0), readings) if readings else None
 
@@ -222,7 +222,7 @@ def _list_ports(
     return [survey.ports[end] for end, _ in at], [hub for _, hub in at]
 
 
-def _find_tie(inner: Sequence[int], ports: Sequence[Port], survey: _Survey) -> Array | None:
+def _find_holding_tie(inner: Sequence[int], ports: Sequence[Port], survey: _Survey) -> Array | None:
     """Return the cell of a tie that holds two strands together, which lie side by side along a short arc."""
     if survey.floor is None or len(inner) != 1 or len(ports) != 4 or survey.lengths[inner[0]] > _MAX_TIED:
         return None
@@ -335,7 +335,9 @@ def _search(
 def _limit_levels(group: Group, reading: Reading) -> dict[int, float]:
     """Return the hubs where arcs are joined or end, and what a high stretch to the next one costs at most."""
     met = [group.at[port] for port in (reading.junction if reading.laid is None else range(3))]
-    most = np.inf if reading.laid is None else _UNDER_LEVEL if reading.under else _LAID_LEVEL
+    most = np.inf
+    if reading.laid is not None:
+        most = _UNDER_LEVEL if reading.under else _LAID_LEVEL
     return {hub: most for hub in met if met.count(hub) > 1}
 
 

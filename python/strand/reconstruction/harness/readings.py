@@ -28,8 +28,6 @@ _RISE_SD = 0.35  # radii: deviation of these
 _TOUCH = 0.7  # distance of the axes of strands that touch at most, sums of their widths
 _VALLEY = 0.5  # depth of the valley between them at least, radii
 _LOWEST = 15.0  # percentile of the heights between them that tells how deep it is
-_TIE = 0.1  # height of what lies on top of them at most, radii
-_HIGHEST = 95.0  # percentile of the heights between them that tells how high that is
 _RISE_WEIGHT = 2.0  # of a missing rise at a crossing
 _LEVEL_WEIGHT = 4.0  # of a rise at a junction
 _MAX_LEVEL = 8.0  # of that at most
@@ -118,7 +116,7 @@ def list_readings(
     if len(own) == 3 and (one or torn):
         readings = _read_three(own, drawn, on_table)
     elif len(own) == 4:
-        readings = _read_four(own, hubs, middle, drawn, on_table, one or torn)
+        readings = _read_four(own, hubs, middle, drawn, on_table, one or torn, tie is not None)
     elif len(own) == 5:
         readings = _read_five(own, hubs, middle, drawn, on_table, one or torn)
     if (one or torn) and len(own) not in (3, 4, 5):
@@ -142,7 +140,7 @@ def price_level(
     own: Sequence[Port], hubs: Sequence[int], middle: Array, drawn: SurfaceMap, on_table: bool
 ) -> float:
     """Return what it costs that four ports are joined, by the heights of the best crossing."""
-    return _read_four(own, hubs, middle, drawn, on_table, True)[-1].cost - 2.0 * _BRANCH
+    return _read_four(own, hubs, middle, drawn, on_table, True, False)[-1].cost - 2.0 * _BRANCH
 
 
 def _join_all(count: int) -> Reading:
@@ -184,11 +182,17 @@ def _read_three(own: Sequence[Port], drawn: SurfaceMap, on_table: bool) -> list[
 
 
 def _read_four(
-    own: Sequence[Port], hubs: Sequence[int], middle: Array, drawn: SurfaceMap, on_table: bool, joined: bool
+    own: Sequence[Port],
+    hubs: Sequence[int],
+    middle: Array,
+    drawn: SurfaceMap,
+    on_table: bool,
+    joined: bool,
+    tied: bool,
 ) -> list[Reading]:
     """Return crossings, and a junction of four last."""
     radius = drawn.cell * float(np.mean([port.half_width for port in own]))
-    lowest, top, highest = np.percentile(drawn.sample_heights(middle), [_LOWEST, _TOP, _HIGHEST])
+    lowest, top = np.percentile(drawn.sample_heights(middle), (_LOWEST, _TOP)).tolist()
     rest = max(port.rest for port in own)
     deviation = _measure_deviation(own, radius)
     depth = drawn.ridge / (1.0 + drawn.ridge)  # of an axis below the surface, thicknesses
@@ -209,11 +213,10 @@ def _read_four(
         # an end that lies on a strand makes a rise too
         level = _price_rise(rise, radius, deviation)
         if on_table and not across:
-            # a tie lies on top of both, and a branch has no valley
-            tied = _price_rise(highest - rest + (_LEVEL - _TIE) * radius, radius, deviation)
+            # a branch has no valley
             valley = lowest - min(first, second) + _VALLEY * radius
-            joined_there = _price_rise(valley, radius, deviation) if turned else 0.0
-            cost += max(level, tied, joined_there)
+            closed = _price_rise(valley, radius, deviation) if turned else 0.0
+            cost += _MAX_LEVEL if tied else max(level, closed)
             readings.append(Reading(cost, (), pairs, (first, second), (first, second)))
         else:
             cost += _RISE_WEIGHT * (max(0.0, _RISE * radius - rise) / deviation) ** 2
@@ -284,19 +287,22 @@ def _turn_back(pair: tuple[int, int], hubs: Sequence[int]) -> bool:
 def _price_continuation(some: Port, other: Port) -> float:
     """Return the cost of two ports that are one strand: bend, sideways shift, difference of widths."""
     way = other.place - some.place
-    way = way / max(float(np.linalg.norm(way)), 1e-9)
+    gap = max(float(np.linalg.norm(way)), 1e-9)
     turns = []
     for inward, outward in _pair_directions(some, other):
-        side = measure_angle(-inward, way) + measure_angle(outward, way)
-        turns.append((measure_angle(-inward, outward) / _BEND) ** 2 + (side / _SIDE) ** 2)
-    gap = float(np.linalg.norm(other.place - some.place))
+        side = measure_angle(-inward, way / gap) + measure_angle(outward, way / gap)
+        turns.append(_price_turn(inward, outward, side))
     (first, inward), (second, outward) = (_continue_bent(port, 0.5 * gap) for port in (some, other))
-    aside = second - first
     along = outward - inward
     along /= max(float(np.linalg.norm(along)), 1e-9)
-    side = 2.0 * float(np.linalg.norm(aside - (aside @ along) * along)) / max(gap, 1e-9)
-    turns.append((measure_angle(-inward, outward) / _BEND) ** 2 + (side / _SIDE) ** 2)
+    aside = second - first - ((second - first) @ along) * along
+    turns.append(_price_turn(inward, outward, 2.0 * float(np.linalg.norm(aside)) / gap))
     return min(turns) + _price_widths(some, other)
+
+
+def _price_turn(inward: Array, outward: Array, side: float) -> float:
+    """Return the cost of a bend between two directions, and of a shift aside, radians."""
+    return (measure_angle(-inward, outward) / _BEND) ** 2 + (side / _SIDE) ** 2
 
 
 def _continue_bent(port: Port, way: float) -> tuple[Array, Array]:
