@@ -19,12 +19,17 @@ from strand.support.checks import Array
 
 _PAIRINGS = (((0, 1), (2, 3)), ((0, 2), (1, 3)), ((0, 3), (1, 2)))
 _BEND = 0.45  # radians: bend of a strand through a crossing that costs 1
+_MAX_BENT = 3.5  # length of a crossing that a strand passes bent as outside at most, sums of half widths
 _MAX_TURN = 0.6  # radians: turn of a strand from its port to the middle of a crossing at most
 _SIDE = 0.6  # radians: the same, between a strand and the way to its continuation
 _WIDTH = 0.46  # relative difference of its widths that costs 1
 _RISE = 0.8  # height of the upper strand over the lower one at least, radii
 _LEVEL = 0.25  # difference of heights at a junction at most, radii
 _RISE_SD = 0.35  # radii: deviation of these
+_LONG = 4.0  # length of a stretch that two strands share that tells whether there is room, half widths
+_NARROW = 25.0  # percentile of the room along it that counts
+_ROOM = 0.5  # by which it is wider or higher than one strand at least, radii
+_ROOM_SD = 0.2  # radii: deviation of it
 _TOUCH = 0.7  # distance of the axes of strands that touch at most, sums of their widths
 _VALLEY = 0.5  # depth of the valley between them at least, radii
 _LOWEST = 15.0  # percentile of the heights between them that tells how deep it is
@@ -196,6 +201,7 @@ def _read_four(
     rest = max(port.rest for port in own)
     deviation = _measure_deviation(own, radius)
     depth = drawn.ridge / (1.0 + drawn.ridge)  # of an axis below the surface, thicknesses
+    room = _price_room(middle, rest, radius, drawn) if on_table else 0.0
     readings, levels = [], []
     for pairs in _PAIRINGS:
         across = _lie_across(own, pairs)
@@ -209,7 +215,7 @@ def _read_four(
         rise = abs(first - ridges[0] - second + ridges[1])
         if on_table:
             rise = max(rise, top - rest)
-        cost = sum(_price_continuation(own[i], own[j]) for i, j in pairs)
+        cost = room + sum(_price_continuation(own[i], own[j]) for i, j in pairs)
         # an end that lies on a strand makes a rise too
         level = _price_rise(rise, radius, deviation)
         if on_table and not across:
@@ -269,6 +275,17 @@ def _price_rise(rise: float, radius: float, deviation: float) -> float:
     return min(_LEVEL_WEIGHT * (max(0.0, rise - _LEVEL * radius) / deviation) ** 2, _MAX_LEVEL)
 
 
+def _price_room(middle: Array, rest: float, radius: float, drawn: SurfaceMap) -> float:
+    """Return the cost of two strands that share a long stretch, which is wide or high there."""
+    half = radius / drawn.cell
+    if len(middle) < _LONG * half:
+        return 0.0
+    wider = drawn.sample_widths(middle) / half - 1.0
+    higher = (drawn.sample_heights(middle) - rest) / radius
+    room = float(np.percentile(np.maximum(wider, higher), _NARROW))
+    return min((max(0.0, _ROOM - room) / _ROOM_SD) ** 2, _MAX_LEVEL)
+
+
 def _lie_across(own: Sequence[Port], pairs: Sequence[tuple[int, int]]) -> bool:
     """Tell whether two strands cross in the plan; others touch, side by side."""
     places = np.array([port.place for port in own])
@@ -292,11 +309,12 @@ def _price_continuation(some: Port, other: Port) -> float:
     for inward, outward in _pair_directions(some, other):
         side = measure_angle(-inward, way / gap) + measure_angle(outward, way / gap)
         turns.append(_price_turn(inward, outward, side))
-    (first, inward), (second, outward) = (_continue_bent(port, 0.5 * gap) for port in (some, other))
-    along = outward - inward
-    along /= max(float(np.linalg.norm(along)), 1e-9)
-    aside = second - first - ((second - first) @ along) * along
-    turns.append(_price_turn(inward, outward, 2.0 * float(np.linalg.norm(aside)) / gap))
+    if gap < _MAX_BENT * (some.half_width + other.half_width):
+        (first, inward), (second, outward) = (_continue_bent(port, 0.5 * gap) for port in (some, other))
+        along = outward - inward
+        along /= max(float(np.linalg.norm(along)), 1e-9)
+        aside = second - first - ((second - first) @ along) * along
+        turns.append(_price_turn(inward, outward, 2.0 * float(np.linalg.norm(aside)) / gap))
     return min(turns) + _price_widths(some, other)
 
 
