@@ -42,7 +42,7 @@ from strand.support.checks import Array
 _SAME_PLACE = 6.0  # distance of nodes of two looks that are one at most, radii
 _SURE = (0.8, 0.9)  # confidence of one look and of two above which no other is taken
 _NO_BUNDLES = 0.1  # doubt of strands that are no bundles of the given wire
-_FLAT = 0.12  # doubt of a harness with wires that lie side by side
+_FLAT = 0.06  # doubt of a harness with wires that lie side by side
 _FLAT_SD = 0.05  # radii: deviation of those of wires side by side, which their width counts
 _OTHER_WIRE = 0.1  # radii: difference of a wire's radius from that by the height of wires side by side
 _UNEQUAL = 0.1  # doubt of a junction at which wires do not add up
