@@ -49,6 +49,7 @@ _MAX_SHARE = 0.4  # of a curve's length that lies beyond a junction at most
 _SAMPLES = 100  # of a curve
 _SHIFTED = 4.0  # stretch at a junction that bends to the shared point, radii
 _LOST = 2.5  # length that a curve may lose between junctions, radii; at a free end its margin, too
+_LOST_OF_RING = 0.5  # share of its length that a ring may lose
 _ROUNDS = 6  # of finding a junction's place
 _SAME_END = 1.0  # distance of the end of points from that of the mask where the points count, radii
 
@@ -269,9 +270,10 @@ def _restore_lost(fit: TubeFit, curves: Sequence[Array], strands: Sequence[Stran
     """
     kept = []
     for number, (before, after, strand) in enumerate(zip(curves, fit.curves, strands, strict=True)):
-        lost = float(Curve.whole(before).length - Curve.whole(after).length) / fit.radius(number)
-        most = _LOST + ROPE_MARGIN * strand.ends.count(None)
-        kept.append(before if lost > most and not strand.closed else after)
+        length = float(Curve.whole(before).length)
+        most = (_LOST + ROPE_MARGIN * strand.ends.count(None)) * fit.radius(number)
+        most = _LOST_OF_RING * length if strand.closed else most
+        kept.append(before if length - float(Curve.whole(after).length) > most else after)
     return fit.replace(curves=kept)
 
 

@@ -17,6 +17,7 @@ _MAX_OVERHANG = 8.0  # length of the end beyond the strand that it lies on at mo
 _BENDS = np.linspace(-0.25, 0.25, 11)  # curvatures of an end that lies on a strand, in its half widths
 _BESIDE = 1.2  # distance from the other strand's line where an end lies beside it, half widths
 _MAX_PARTING = np.radians(65.0)  # radians: angle of branches that part so slowly that the place moves
+_WIDEST = 6.0  # distance from the hub up to which the branches together are widest, half widths
 _PARTED = 1.08  # half widths of an arc where it is alone, its own
 _MIN_SINE = 0.1  # of the angle between branches whose continuations meet somewhere
 _MAX_BACK = 5.0  # distance of the place where they meet from the hub at most, half widths
@@ -82,12 +83,14 @@ def find_parting(place: Array, own: Sequence[Port], lines: Lines, drawn: Surface
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(cells, axis=0), axis=1))])
     widths = drawn.sample_widths(cells)
     branch = 0.5 * (own[pair[0]].half_width + own[pair[1]].half_width)
-    alone = widths < _PARTED * max(trunk.half_width, branch)
-    count = int(alone.argmax()) if alone.any() else len(cells)
+    # the branches may run side by side, or apart, before they come together
+    widest = int(widths[along < _WIDEST * trunk.half_width].argmax())
+    alone = widths[widest:] < _PARTED * max(trunk.half_width, branch)
+    count = widest + int(alone.argmax()) if alone.any() else len(cells)
     count = min(count, len(cells) - 1)
-    if count < 3:
+    if count - widest < 3:
         return met
-    level, slope = np.polynomial.polynomial.polyfit(along[:count], widths[:count], 1)
+    level, slope = np.polynomial.polynomial.polyfit(along[widest:count], widths[widest:count], 1)
     back = (min(branch, trunk.half_width) - level) / slope if slope < -_MIN_NARROWING else 0.0
     back = float(np.clip(back, 0.0, min(along[count - 1] + 2.5 * trunk.half_width, 0.6 * along[-1])))
     narrowed = np.array([np.interp(back, along, cells[:, axis]) for axis in (0, 1)])

@@ -33,6 +33,7 @@ _FARTHEST = 5.0  # distance from the end of a traced tube to that of the mask at
 _SAME_HEIGHT = 0.7  # difference of heights of one strand at most, radii
 _FEWEST = 4  # nodes of a strand at least
 _SAME_PLACE = 1.0  # length of a strand between two junctions that are one place at most, half widths
+_TIGHTEST_RING = 10.0  # length of a ring at least, half widths
 _TIGHTEST = 5.0  # length of a strand from a junction to itself at least, half widths
 
 
@@ -114,7 +115,12 @@ def follow_strands(lines: Lines, decided: Decisions, drawn: SurfaceMap, radii: A
             cells = extended[::-1] if place == 0 else extended
         hidden = [gap for gap, passing in gaps if passing.is_below]
         strands.append(_lift(cells, hidden, under, (ends[0], ends[1]), closed, drawn, radii))
-    return strands
+    return [strand for strand in strands if not (strand.closed and _is_tight(strand))]
+
+
+def _is_tight(ring: Strand) -> bool:
+    """Tell whether a ring is no rope, but the edge of a hole in a wide place."""
+    return float(path_length(ring.nodes)[-1]) < _TIGHTEST_RING * ring.half_width
 
 
 def drop_collapsed(strands: Sequence[Strand]) -> list[Strand]:
