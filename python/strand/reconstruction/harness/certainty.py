@@ -12,6 +12,7 @@ import numpy as np
 from strand.geometry.polyline import path_length
 from strand.reconstruction.harness.graph import Graph
 from strand.reconstruction.harness.method import FoundHarness
+from strand.reconstruction.harness.strands import ENDS, WIDER, measure_parts
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
@@ -52,11 +53,8 @@ _FEWEST = 25  # points of each at least
 _UNEVEN = 1.55  # scatter of one stretch at least, that of the median one
 _SMOOTH = 0.05  # the same, radii
 _UNEVEN_DOUBT = 0.4  # doubt of each such strand
-_QUARTERS = 4  # parts of a strand whose widths are compared
-_FEWEST_NODES = 5  # of each at least
-_AT_ENDS = 4.0  # length of a strand at its ends that does not count, half widths
-_WIDER = 1.5  # width of the widest part at least, that of the narrowest
-_WIDER_DOUBT = 0.25  # doubt of each such strand
+_FEWEST_NODES = 20  # of a strand whose parts are compared at least
+_WIDER_DOUBT = 0.25  # doubt of each strand that is much wider in one part
 _LEFT_SHARE = 0.04  # share of points beside all tubes that raises no doubt
 _LEFT_DOUBT = 5.0  # doubt for all points beyond
 
@@ -272,17 +270,17 @@ def _doubt_widths(found: FoundHarness) -> list[Doubt]:
     drawn, doubts = found.drawn, []
     for strand, is_flat in zip(found.strands, found.beside.flat, strict=True):
         along = path_length(strand.nodes)
-        reach = _AT_ENDS * strand.half_width
+        reach = ENDS * strand.half_width
         inner = strand.nodes[(along > reach) & (along < along[-1] - reach)]
         widths = drawn.sample_widths(drawn.flatten(inner)[0])
         # a method for ropes may lead strands off the mask
         inner, widths = inner[widths > 0.0], widths[widths > 0.0]
-        if is_flat or len(inner) < _QUARTERS * _FEWEST_NODES:
+        if is_flat or len(inner) < _FEWEST_NODES:
             continue
-        parts = [float(np.median(part)) for part in np.array_split(widths, _QUARTERS)]
-        if max(parts) > _WIDER * min(parts):
+        parts = measure_parts(widths)
+        if max(parts) > WIDER * min(parts):
             reason = f"a strand is {max(parts) / min(parts):.1f} times as wide in one part as in another"
-            place = np.array_split(inner, _QUARTERS)[int(np.argmax(parts))].mean(axis=0)
+            place = np.array_split(inner, len(parts))[int(np.argmax(parts))].mean(axis=0)
             doubts.append(Doubt("rival", _WIDER_DOUBT, "how strands run", reason, place))
     return doubts
 

@@ -94,7 +94,8 @@ def find_parting(place: Array, own: Sequence[Port], lines: Lines, drawn: Surface
     back = (min(branch, trunk.half_width) - level) / slope if slope < -_MIN_NARROWING else 0.0
     back = float(np.clip(back, 0.0, min(along[count - 1] + 2.5 * trunk.half_width, 0.6 * along[-1])))
     narrowed = np.array([np.interp(back, along, cells[:, axis]) for axis in (0, 1)])
-    return np.asarray(0.5 * (met + narrowed))
+    # branches that run side by side do not go straight on to where they part
+    return np.asarray(narrowed if along[widest] > trunk.half_width else 0.5 * (met + narrowed))
 
 
 def _intersect(some: Port, other: Port, place: Array) -> Array:

@@ -24,7 +24,7 @@ _BENT_LINE = (
 _BENT_BY = 1.2  # the same where the other strand is thicker, half widths of the mask there
 _HIDDEN = 2.6  # distance from a crossing up to which the upper strand hides the lower one, half widths
 _BESIDE = 1.5  # the same beside the stretch where both merge, half widths
-_ENDS = 4.0  # stretches at ends that do not tell a width, half widths
+_QUARTERS = 4
 _AXIS = 0.93  # depth of the axis below the smoothed surface, heights of the ridge
 _TOO_THICK = 2.0  # half widths: no radius of a strand
 _TIP = 3.0  # length of the stretch that tells where an end points, half widths
@@ -35,6 +35,13 @@ _FEWEST = 4  # nodes of a strand at least
 _SAME_PLACE = 1.0  # length of a strand between two junctions that are one place at most, half widths
 _TIGHTEST_RING = 10.0  # length of a ring at least, half widths
 _TIGHTEST = 5.0  # length of a strand from a junction to itself at least, half widths
+
+
+ENDS = 4.0
+"""Length of the stretches at a strand's ends that do not tell its width, half widths."""
+
+WIDER = 1.5
+"""Width of a part of a strand over that of another one that shows that it holds two strands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,9 +284,9 @@ def _lift(
     deviation = _SMOOTHING * half / max(places[1] - places[0], 1e-9)
     smooth = smooth_nodes(plan, deviation)
     smooth[[0, -1]] = plan[[0, -1]]
-    inside = (places > _ENDS * half) & (places < places[-1] - _ENDS * half)
+    inside = (places > ENDS * half) & (places < places[-1] - ENDS * half)
     widths = drawn.sample_widths(smooth)
-    half_width = float(np.median(widths[inside] if inside.sum() > _FEWEST else widths)) * drawn.cell
+    half_width = drawn.cell * _measure_width(widths[inside] if inside.sum() > _FEWEST else widths)
     radius = half_width if radii is None else float(radii[np.abs(radii - half_width).argmin()])
     radius = half_width if radius > _TOO_THICK * half_width else radius
     heights = drawn.sample_heights(smooth)
@@ -295,6 +302,18 @@ def _lift(
         heights = np.interp(places, places[~hidden], take_medians(heights[~hidden], 5))
     heights = smooth_nodes(heights[:, None], deviation)[:, 0] - _AXIS * drawn.ridge * radius
     return Strand(drawn.lift(smooth, heights), ends, half_width, closed)
+
+
+def _measure_width(widths: Array) -> float:
+    """Return the usual half width; that of the narrowest part if the others hold another strand, too."""
+    # beside the mask a strand still has some width
+    parts = measure_parts(np.maximum(widths, 1.0))
+    return min(parts) if max(parts) > WIDER * min(parts) else float(np.median(widths))
+
+
+def measure_parts(widths: Array) -> list[float]:
+    """Return the median half width of each quarter of a strand, of which some may hold another one, too."""
+    return [float(np.median(part)) for part in np.array_split(widths, _QUARTERS)]
 
 
 def smooth_nodes(values: Array, deviation: float) -> Array:
