@@ -14,14 +14,12 @@ from strand.geometry.polyline import path_length
 from strand.reconstruction.harness.places import Decisions
 from strand.reconstruction.harness.ports import measure_along
 from strand.reconstruction.harness.strands import Strand, smooth_nodes, take_medians
-from strand.reconstruction.harness.surface_map import SurfaceMap
+from strand.reconstruction.harness.surface_map import SurfaceMap, find_normals
 from strand.support.checks import Array
 
 _FLAT = 0.59  # height of the surface over the table at most, widths: two wires side by side have a half
 _MOST = 20  # wires side by side: strands that are lower are no ropes, or the table is not where it seems
 _INSIDE = (0.125, 0.875)  # stretch of a strand that tells, of its nodes
-_ACROSS = np.linspace(-0.8, 0.8, 17)  # half widths: places across a strand, of which some lie on wires' backs
-_BACK = 85.0  # percentile of the heights across a strand that is the height of the wires' backs
 _LOW = 35.0  # percentile of a strand's heights where it lies on the table: other parts lie on strands
 _LOWEST = 0.4  # half widths: a lower radius by height is none, since the table is not where it seems
 _TIE = 0.25  # height of a tie over the wires' backs at least, radii of a wire
@@ -162,10 +160,10 @@ def _measure_shape(strand: Strand, drawn: SurfaceMap, table: Plane) -> tuple[flo
     """Return the height of a strand's back over the table, a low one, and its half width if flat, metres."""
     first, last = (round(share * len(strand.nodes)) for share in _INSIDE)
     places, heights = drawn.flatten(strand.nodes[first:last])
-    _, backs = _sample_across(places, strand.half_width / drawn.cell, drawn)
+    _, backs = drawn.sample_backs(places, strand.half_width / drawn.cell)
     low, height = np.percentile(table.measure_heights(drawn.lift(places, backs)), (_LOW, 50.0)).tolist()
     # a map drawn aslant shows flat strands narrower
-    across = _find_normals(places)
+    across = find_normals(places)
     steps = drawn.lift(places + across, heights) - drawn.lift(places, heights)
     aslant = np.linalg.norm(steps, axis=1)
     low_side, high_side = _find_sides(places, across, strand.half_width / drawn.cell, drawn)
@@ -213,7 +211,7 @@ def _find_tie(
     ]
     line = np.concatenate([places, np.mean(ways, axis=0)]) if ways else places
     away = np.linalg.norm(line[:, None] - near, axis=2).min(axis=1)
-    around, backs = _sample_across(line, half, drawn)
+    around, backs = drawn.sample_backs(line, half)
     top = float(np.median(backs[: len(places)])) + _TIE * wire * drawn.cell
     high = (backs > top) & (away < reach) & drawn.hold(line)
     if not high.any():
@@ -223,13 +221,6 @@ def _find_tie(
     # the line may leave the bundle's middle
     bump = around[first : last + 1].reshape(-1, 2)
     return np.asarray(bump[drawn.sample_heights(bump) > top].mean(axis=0))
-
-
-def _sample_across(places: Array, half: float, drawn: SurfaceMap) -> tuple[Array, Array]:
-    """Return places (M, K, 2) across a line of places (M, 2), and the height (M,) of wires' backs, metres."""
-    around = places[:, None] + (_ACROSS * half)[:, None] * _find_normals(places)[:, None]
-    heights = drawn.sample_heights(around.reshape(-1, 2)).reshape(len(places), -1)
-    return around, np.percentile(heights, _BACK, axis=1)
 
 
 def _find_sides(places: Array, across: Array, half: float, drawn: SurfaceMap) -> tuple[Array, Array]:
@@ -246,12 +237,6 @@ def _find_sides(places: Array, across: Array, half: float, drawn: SurfaceMap) ->
         # the edge lies half way to the first step beside the mask
         sides.append(sign * _SIDE_STEP * np.maximum(count - 0.5, 0.0))
     return sides[0], sides[1]
-
-
-def _find_normals(places: Array) -> Array:
-    """Return unit vectors (M, 2) across a line of places (M, 2)."""
-    across = np.gradient(places, axis=0)[:, ::-1] * (1.0, -1.0)
-    return np.asarray(across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12))
 
 
 def lay_strands(strands: Sequence[Strand], bundles: FlatBundles, drawn: SurfaceMap) -> list[Strand]:
@@ -272,7 +257,7 @@ def lay_strands(strands: Sequence[Strand], bundles: FlatBundles, drawn: SurfaceM
 def _lift_to_backs(strand: Strand, wire: float, drawn: SurfaceMap) -> Strand:
     """Return a strand a wire's radius below the backs of its wires, metres; ties do not count."""
     places, _ = drawn.flatten(strand.nodes)
-    _, backs = _sample_across(places, strand.half_width / drawn.cell, drawn)
+    _, backs = drawn.sample_backs(places, strand.half_width / drawn.cell)
     heights = smooth_nodes(take_medians(backs, _UNDER_TIES)[:, None], _SMOOTHING)[:, 0] - drawn.ridge * wire
     return replace(strand, nodes=drawn.lift(places, heights))
 
@@ -285,7 +270,7 @@ def _move_to_middle(strand: Strand, drawn: SurfaceMap) -> Strand:
     places, heights = drawn.flatten(strand.nodes)
     half = strand.half_width / drawn.cell
     for _ in range(_ROUNDS):
-        across = _find_normals(places)
+        across = find_normals(places)
         low, high = _find_sides(places, across, half, drawn)
         usual = float(np.median(high - low))
         whole = np.abs(high - low - usual) < _EVEN * usual

@@ -22,7 +22,7 @@ _MAX_MIDDLE = 12.0  # length of the stretch that two crossing strands share at m
 _MAX_TORN = 3.0  # distance of the hubs of one junction, half widths
 _MAX_TIED = 5.0  # length of the stretch along which one tie holds two strands at most, half widths
 _TOP = 95.0  # percentile of the heights along it that is the tie's
-_TIE = 0.1  # height of a tie over the strands at least, radii
+_TIE = 0.2  # height of a tie over the strands at least, radii
 _MAX_AROUND = 4.0  # length of each arc around a hole in one place, half widths
 _MAX_HUBS = 4  # of one place
 _MAX_CLUSTER = 9  # hubs that are decided together
@@ -227,12 +227,12 @@ def _find_holding_tie(inner: Sequence[int], ports: Sequence[Port], survey: _Surv
     if survey.floor is None or len(inner) != 1 or len(ports) != 4 or survey.lengths[inner[0]] > _MAX_TIED:
         return None
     drawn, cells = survey.drawn, survey.lines.arcs[inner[0]].cells
-    heights = drawn.sample_heights(cells)
+    _, backs = drawn.sample_backs(cells, float(np.median(drawn.sample_widths(cells))))
     radius = drawn.cell * float(np.mean([port.half_width for port in ports]))
-    top, rest = float(np.percentile(heights, _TOP)), max(port.rest for port in ports)
+    top, rest = float(np.percentile(backs, _TOP)), max(port.rest for port in ports)
     if not survey.ports[inner[0], 0].is_flat or top - rest < _TIE * radius:
         return None
-    return np.asarray(cells[heights > 0.5 * (top + rest)].mean(axis=0))
+    return np.asarray(cells[backs > 0.5 * (top + rest)].mean(axis=0))
 
 
 def _meet_at_one(hubs: Sequence[int], survey: _Survey) -> bool:

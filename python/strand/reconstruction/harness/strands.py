@@ -32,6 +32,7 @@ _MAX_TIP = 60  # steps of half a cell from an end to the mask's edge at most
 _FARTHEST = 5.0  # distance from the end of a traced tube to that of the mask at most, radii
 _SAME_HEIGHT = 0.7  # difference of heights of one strand at most, radii
 _FEWEST = 4  # nodes of a strand at least
+_FEWEST_INSIDE = 8  # nodes between its ends that tell its width at least
 _SAME_PLACE = 1.0  # length of a strand between two junctions that are one place at most, half widths
 _TIGHTEST_RING = 10.0  # length of a ring at least, half widths
 _TIGHTEST = 5.0  # length of a strand from a junction to itself at least, half widths
@@ -286,7 +287,8 @@ def _lift(
     smooth[[0, -1]] = plan[[0, -1]]
     inside = (places > ENDS * half) & (places < places[-1] - ENDS * half)
     widths = drawn.sample_widths(smooth)
-    half_width = drawn.cell * _measure_width(widths[inside] if inside.sum() > _FEWEST else widths)
+    usual = _measure_width(widths[inside]) if inside.sum() > _FEWEST_INSIDE else float(np.median(widths))
+    half_width = drawn.cell * usual
     radius = half_width if radii is None else float(radii[np.abs(radii - half_width).argmin()])
     radius = half_width if radius > _TOO_THICK * half_width else radius
     heights = drawn.sample_heights(smooth)

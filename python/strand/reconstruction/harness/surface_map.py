@@ -30,6 +30,8 @@ _MAX_SPECK = 10.0  # area of pieces that are dropped, squared least radii
 _MAX_HOLE = 1.7  # area of holes that are filled, the same
 _EDGE = 0.35  # standard deviation of the smoothing of edges, least radii
 _SPREAD = 1.0  # standard deviation with which heights spread to cells that are hardly seen, greatest radii
+_ACROSS = np.linspace(-0.8, 0.8, 17)  # half widths: places across a strand, of which some lie on wires' backs
+_BACK = 85.0  # percentile of the heights across a strand that is the height of the wires' backs
 _MIN_DENSITY = 1e-20  # that sums of heights are divided by at least
 
 
@@ -76,6 +78,15 @@ class SurfaceMap:
         """Return half widths (M,) at places (M, 2) in cells, cells."""
         return self.half_widths[self._index(places)]
 
+    def sample_backs(self, places: Array, half: float) -> tuple[Array, Array]:
+        """Return places (M, K, 2) across a line of places (M, 2), and the height (M,) of backs there, metres.
+
+        `half` is the half width of the line's strand, cells.
+        """
+        around = places[:, None] + (_ACROSS * half)[:, None] * find_normals(places)[:, None]
+        heights = self.sample_heights(around.reshape(-1, 2)).reshape(len(places), -1)
+        return around, np.percentile(heights, _BACK, axis=1)
+
     def share_seen(self, places: Array) -> float:
         """Return the share of places (M, 2) in cells at which points of ropes were seen."""
         return float(self.seen[self._index(places)].mean())
@@ -106,6 +117,12 @@ class SurfaceMap:
         rounded = np.rint(places).astype(np.int64)
         rows, columns = (np.clip(rounded[:, axis], 0, self.mask.shape[axis] - 1) for axis in (0, 1))
         return rows, columns
+
+
+def find_normals(places: Array) -> Array:
+    """Return unit vectors (M, 2) across a line of places (M, 2)."""
+    across = np.gradient(places, axis=0)[:, ::-1] * (1.0, -1.0)
+    return np.asarray(across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12))
 
 
 def make_frame(up: Array) -> Array:

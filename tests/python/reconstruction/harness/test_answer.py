@@ -65,10 +65,15 @@ def test_one_view_hides_what_a_look_from_its_camera_shows(kind, seed):
         ("near", 1109036, 7),
         # two strands cross at a small angle, so that each side looks like an end under the other
         ("near", 1071011, 3),
+        ("near", 1091005, 7),
         # an end lies on a bend of the strand below
         ("laid", 1091037, 7),
         # the last tie lies behind the place where the mask narrows
         ("tied", 1106035, 3),
+        # a tie lifts the end of the branch that it holds
+        ("tied", 1121024, 7),
+        # a branch runs beside the trunk before it leaves
+        ("tang", 1173020, 7),
     ],
 )
 def test_graphs_are_right_where_places_are_hard_to_read(kind, seed, views):

@@ -120,6 +120,36 @@ def test_a_loop_from_a_junction_keeps_its_length(side):
     assert max(lengths) == pytest.approx(CELL * 80.0 * np.pi, rel=0.1)
 
 
+@pytest.mark.parametrize(("bend", "kept"), [(30.0, 2), (7.0, 1)])
+def test_a_ring_that_no_rope_can_make_is_dropped(bend, kept):
+    angles = np.linspace(0.0, 2.0 * np.pi, 41)
+    ring = np.column_stack([120.0 - bend * np.cos(angles), 170.0 + bend * np.sin(angles)])
+    drawn = draw(
+        [((20, 20), (220, 60), LOW, LOW), *((*map(tuple, pair), LOW, LOW) for pair in pairwise(ring))]
+    )
+    lines = trace_lines(drawn, RADIUS)
+    assert len(lines.arcs) == 2
+    strands = follow_strands(lines, decide_places(lines, drawn, floor=0.0), drawn, None)
+    assert len(strands) == kept
+
+
+def test_a_strand_as_wide_as_two_in_one_half_has_the_width_of_the_other():
+    beside = [((120, 20), (120, 200), LOW, LOW), ((129, 20), (129, 130), LOW, LOW)]
+    drawn = draw(beside)
+    lines = trace_lines(drawn, RADIUS)
+    strands = follow_strands(lines, decide_places(lines, drawn, floor=0.0), drawn, None)
+    longest = max(strands, key=lambda strand: len(strand.nodes))
+    assert longest.half_width == pytest.approx(RADIUS, rel=0.15)
+
+
+def test_ends_over_and_beside_a_strand_are_no_strand_that_shares_it():
+    # one end lies on the strand, a branch leaves it farther on, both straight ahead of each other
+    trunk = [((120, 20), (120, 220), LOW, LOW), ((120, 160), (70, 220), LOW, LOW)]
+    decided = decide([*trunk, ((120, 80), (160, 20), HIGH, LOW)])
+    assert len(decided.junctions) == 1
+    assert len(decided.laid) == 1
+
+
 def test_a_diagonal_strand_keeps_its_length():
     drawn = draw([((30, 30.5), (190, 190.5), LOW, LOW)])
     lines = trace_lines(drawn, RADIUS)
