@@ -68,6 +68,8 @@ def test_one_view_hides_what_a_look_from_its_camera_shows(kind, seed):
         ("near", 1091005, 7),
         # an end lies on a bend of the strand below
         ("laid", 1091037, 7),
+        # the way between an end on a strand and a junction is as narrow as one strand
+        ("laid", 1160015, 7),
         # the last tie lies behind the place where the mask narrows
         ("tied", 1106035, 3),
         # a tie lifts the end of the branch that it holds

@@ -142,14 +142,6 @@ def test_a_strand_as_wide_as_two_in_one_half_has_the_width_of_the_other():
     assert longest.half_width == pytest.approx(RADIUS, rel=0.15)
 
 
-def test_ends_over_and_beside_a_strand_are_no_strand_that_shares_it():
-    # one end lies on the strand, a branch leaves it farther on, both straight ahead of each other
-    trunk = [((120, 20), (120, 220), LOW, LOW), ((120, 160), (70, 220), LOW, LOW)]
-    decided = decide([*trunk, ((120, 80), (160, 20), HIGH, LOW)])
-    assert len(decided.junctions) == 1
-    assert len(decided.laid) == 1
-
-
 def test_a_diagonal_strand_keeps_its_length():
     drawn = draw([((30, 30.5), (190, 190.5), LOW, LOW)])
     lines = trace_lines(drawn, RADIUS)
