@@ -21,6 +21,7 @@ from strand.support.checks import Array
 _MAX_MIDDLE = 12.0  # length of the stretch that two crossing strands share at most, half widths
 _MAX_TORN = 3.0  # distance of the hubs of one junction, half widths
 _MAX_TIED = 5.0  # length of the stretch along which one tie holds two strands at most, half widths
+_FEWEST_CELLS = 3  # of such a stretch
 _TOP = 95.0  # percentile of the heights along it that is the tie's
 _TIE = 0.2  # height of a tie over the strands at least, radii
 _MAX_AROUND = 4.0  # length of each arc around a hole in one place, half widths
@@ -227,10 +228,12 @@ def _find_holding_tie(inner: Sequence[int], ports: Sequence[Port], survey: _Surv
     if survey.floor is None or len(inner) != 1 or len(ports) != 4 or survey.lengths[inner[0]] > _MAX_TIED:
         return None
     drawn, cells = survey.drawn, survey.lines.arcs[inner[0]].cells
+    if len(cells) < _FEWEST_CELLS or not survey.ports[inner[0], 0].is_flat:
+        return None
     _, backs = drawn.sample_backs(cells, float(np.median(drawn.sample_widths(cells))))
     radius = drawn.cell * float(np.mean([port.half_width for port in ports]))
     top, rest = float(np.percentile(backs, _TOP)), max(port.rest for port in ports)
-    if not survey.ports[inner[0], 0].is_flat or top - rest < _TIE * radius:
+    if top - rest < _TIE * radius:
         return None
     return np.asarray(cells[backs > 0.5 * (top + rest)].mean(axis=0))
 
