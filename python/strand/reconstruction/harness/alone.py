@@ -167,7 +167,7 @@ def _sample_around(chain: Chain, stretch: tuple[float, float]) -> Array:
 
 def _turn_apart(chains: Sequence[Chain], up: Array) -> bool:
     """Tell whether two strands turn sharply beside each other, as branches of two junctions do."""
-    bent = [_list_bends(chain, up) for chain in chains]
+    bent = [chain.at(find_bends(chain, up)) for chain in chains]
     for (some, own), (other, others) in combinations(zip(chains, bent, strict=True), 2):
         gaps = np.linalg.norm(own[:, None] - others, axis=2)
         if gaps.min(initial=np.inf) < _BESIDE * (some.radius + other.radius):
@@ -175,17 +175,17 @@ def _turn_apart(chains: Sequence[Chain], up: Array) -> bool:
     return False
 
 
-def _list_bends(chain: Chain, up: Array) -> Array:
-    """Return places (M, 3) where a chain turns sharply in the plan: over a crossing it turns in height."""
+def find_bends(chain: Chain, up: Array) -> Array:
+    """Return arc lengths (M,) where a chain turns sharply in the plan: over a crossing it turns in height."""
     reach = _BENT_REACH * chain.radius
     s = np.arange(reach[-1], chain.length - reach[-1], _STEP * chain.radius)
     if not len(s):
-        return np.zeros((0, 3))
+        return s
     before, start, stop, after = (chain.at(s + away) for away in reach)
     first, second = ((way - np.outer(way @ up, up)) for way in (start - before, after - stop))
     sizes = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
     cosines = np.einsum("ij,ij->i", first, second) / np.maximum(sizes, 1e-18)
-    return chain.at(s[cosines < np.cos(_BENT)])
+    return np.asarray(s[cosines < np.cos(_BENT)])
 
 
 def _find_meetings(chains: Sequence[Chain], up: Array) -> Array:
