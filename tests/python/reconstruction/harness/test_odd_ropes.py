@@ -46,6 +46,16 @@ def test_an_end_that_touches_a_side_is_no_sure_junction():
     assert look([host, other], 0.004).confidence < 0.9
 
 
+def test_two_ends_that_lie_on_each_other_are_no_sure_rope():
+    s = np.linspace(0.0, 0.14, 90)
+    below = np.column_stack([s, np.zeros(90), np.full(90, 0.004)])
+    # the other rope comes down to the table within nine radii
+    share = np.clip((s - 0.006) / 0.036, 0.0, 1.0)
+    above = np.column_stack([np.full(90, 0.002), s, 0.004 + 0.0082 * (1.0 - share**2 * (3.0 - 2.0 * share))])
+    model = look([below, above], 0.004)
+    assert len(model.chains) == 2 or model.confidence < 0.9
+
+
 def test_a_radius_as_high_as_the_ropes_is_refused():
     line = np.column_stack([np.linspace(-0.1, 0.1, 101), np.zeros(101), np.full(101, 0.002)])
     with pytest.raises(strand.NotEnoughDataError, match="over the table"):
