@@ -33,6 +33,7 @@ _NEAR_CONTACT = 3.0  # distance of a tie from where the strands touch at most, r
 _APART = 1.3  # distance of the axes of strands under a tie at most, sums of their radii
 _BENT = np.radians(55.0)  # radians: turn of strands beside each other that are branches instead
 _BENT_REACH = np.array([-3.0, -1.5, 1.5, 3.0])  # radii from the place of the turn where it has its directions
+_LYING = 0.5  # length of a step in the plan that has a direction there at least, steps
 _BESIDE = 2.3  # distance of these turns at most, sums of their radii
 _STEP = 0.25  # radii: distance of the places where ties are sought
 
@@ -185,7 +186,9 @@ def find_bends(chain: Chain, up: Array) -> Array:
     first, second = ((way - np.outer(way @ up, up)) for way in (start - before, after - stop))
     sizes = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
     cosines = np.einsum("ij,ij->i", first, second) / np.maximum(sizes, 1e-18)
-    return np.asarray(s[cosines < np.cos(_BENT)])
+    # upright steps have no direction in the plan
+    lying = sizes > (_LYING * (reach[1] - reach[0])) ** 2
+    return np.asarray(s[lying & (cosines < np.cos(_BENT))])
 
 
 def _find_meetings(chains: Sequence[Chain], up: Array) -> Array:
