@@ -33,7 +33,6 @@ _NEAR_CONTACT = 3.0  # distance of a tie from where the strands touch at most, r
 _APART = 1.3  # distance of the axes of strands under a tie at most, sums of their radii
 _BENT = np.radians(55.0)  # radians: turn of strands beside each other that are branches instead
 _BENT_REACH = np.array([-3.0, -1.5, 1.5, 3.0])  # radii from the place of the turn where it has its directions
-_LYING = 0.5  # length of a step in the plan that has a direction there at least, steps
 _BESIDE = 2.3  # distance of these turns at most, sums of their radii
 _STEP = 0.25  # radii: distance of the places where ties are sought
 
@@ -168,7 +167,7 @@ def _sample_around(chain: Chain, stretch: tuple[float, float]) -> Array:
 
 def _turn_apart(chains: Sequence[Chain], up: Array) -> bool:
     """Tell whether two strands turn sharply beside each other, as branches of two junctions do."""
-    bent = [chain.at(find_bends(chain, up)) for chain in chains]
+    bent = [_list_bends(chain, up) for chain in chains]
     for (some, own), (other, others) in combinations(zip(chains, bent, strict=True), 2):
         gaps = np.linalg.norm(own[:, None] - others, axis=2)
         if gaps.min(initial=np.inf) < _BESIDE * (some.radius + other.radius):
@@ -176,19 +175,17 @@ def _turn_apart(chains: Sequence[Chain], up: Array) -> bool:
     return False
 
 
-def find_bends(chain: Chain, up: Array) -> Array:
-    """Return arc lengths (M,) where a chain turns sharply in the plan: over a crossing it turns in height."""
+def _list_bends(chain: Chain, up: Array) -> Array:
+    """Return places (M, 3) where a chain turns sharply in the plan: over a crossing it turns in height."""
     reach = _BENT_REACH * chain.radius
     s = np.arange(reach[-1], chain.length - reach[-1], _STEP * chain.radius)
     if not len(s):
-        return s
+        return np.zeros((0, 3))
     before, start, stop, after = (chain.at(s + away) for away in reach)
     first, second = ((way - np.outer(way @ up, up)) for way in (start - before, after - stop))
     sizes = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
     cosines = np.einsum("ij,ij->i", first, second) / np.maximum(sizes, 1e-18)
-    # upright steps have no direction in the plan
-    lying = sizes > (_LYING * (reach[1] - reach[0])) ** 2
-    return np.asarray(s[lying & (cosines < np.cos(_BENT))])
+    return chain.at(s[cosines < np.cos(_BENT)])
 
 
 def _find_meetings(chains: Sequence[Chain], up: Array) -> Array:

@@ -10,9 +10,9 @@ from itertools import combinations
 import numpy as np
 
 from strand.geometry.polyline import path_length
-from strand.reconstruction.harness.alone import find_bends
 from strand.reconstruction.harness.graph import Graph
 from strand.reconstruction.harness.method import FoundHarness
+from strand.reconstruction.harness.rises import list_rises
 from strand.reconstruction.harness.strands import ENDS, WIDER, measure_parts
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
@@ -56,9 +56,7 @@ _SMOOTH = 0.05  # the same, radii
 _UNEVEN_DOUBT = 0.4  # doubt of each such strand
 _FEWEST_NODES = 20  # of a strand whose parts are compared at least
 _WIDER_DOUBT = 0.25  # doubt of each strand that is much wider in one part
-_CORNER = np.linspace(-3.0, 3.0, 7)  # radii: places around a sharp turn whose heights count
-_RISEN = 0.8  # difference of these at least, radii
-_CORNER_DOUBT = 0.25  # doubt of each strand with such a turn
+_RISE_DOUBT = 0.3  # doubt of each strand that rises over nothing
 _LEFT_SHARE = 0.04  # share of points beside all tubes that raises no doubt
 _LEFT_DOUBT = 5.0  # doubt for all points beyond
 
@@ -143,7 +141,7 @@ def judge(found: FoundHarness, graph: Graph, chains: Sequence[Chain]) -> Certain
     doubts += _doubt_lost_wires(found, graph)
     doubts += _doubt_uneven(found)
     doubts += _doubt_widths(found)
-    doubts += _doubt_corners(chains, found.ground.up)
+    doubts += _doubt_rises(found, chains)
     return Certainty(nodes, crossings, doubts)
 
 
@@ -290,19 +288,16 @@ def _doubt_widths(found: FoundHarness) -> list[Doubt]:
     return doubts
 
 
-def _doubt_corners(chains: Sequence[Chain], up: Array) -> list[Doubt]:
-    """Doubt strands that turn and rise sharply at one place: two ends may lie on each other there."""
-    doubts = []
-    for chain in chains:
-        s = find_bends(chain, up)
-        around = np.clip(s[:, None] + _CORNER * chain.radius, 0.0, chain.length)
-        heights = chain.at(around.ravel()).reshape(*around.shape, 3) @ up
-        risen = np.ptp(heights, axis=1) > _RISEN * chain.radius
-        if risen.any():
-            reason = "a strand turns and rises sharply: two ends may lie on each other"
-            place = chain.at(s[risen][:1])[0]
-            doubts.append(Doubt("rival", _CORNER_DOUBT, "whether a strand goes on there", reason, place))
-    return doubts
+def _doubt_rises(found: FoundHarness, chains: Sequence[Chain]) -> list[Doubt]:
+    """Doubt strands on a table that rise over nothing: an end may lie below, and another rope go on there."""
+    if found.ground.table is None:
+        return []
+    lines = [(chain.points, chain.radius, chain.closed) for chain in chains]
+    reason = "a strand rises over nothing: it may lie on an end"
+    return [
+        Doubt("rival", _RISE_DOUBT, "whether a strand goes on there", reason, place)
+        for place in list_rises(lines, found.ground.up)
+    ]
 
 
 def _doubt_lost_wires(found: FoundHarness, graph: Graph) -> list[Doubt]:

@@ -228,7 +228,7 @@ def _find_sides(places: Array, across: Array, half: float, drawn: SurfaceMap) ->
 
     Places beside the mask have a side of 0. The mask is followed up to some half widths.
     """
-    steps = np.arange(0.0, _SIDES * half, _SIDE_STEP)
+    steps = np.arange(0.0, _SIDES * max(half, 1.0), _SIDE_STEP)
     sides = []
     for sign in (-1.0, 1.0):
         around = places[:, None] + (sign * steps)[:, None] * across[:, None]
@@ -272,8 +272,9 @@ def _move_to_middle(strand: Strand, drawn: SurfaceMap) -> Strand:
     for _ in range(_ROUNDS):
         across = find_normals(places)
         low, high = _find_sides(places, across, half, drawn)
-        usual = float(np.median(high - low))
-        whole = np.abs(high - low - usual) < _EVEN * usual
+        # of two widths, one that occurs
+        usual = float(np.percentile(high - low, 50.0, method="lower"))
+        whole = np.abs(high - low - usual) <= _EVEN * usual
         whole[[0, -1]] |= [end is not None for end in strand.ends]
         aside = 0.5 * (low + high)
         aside[[0, -1]] *= [end is None for end in strand.ends]

@@ -50,6 +50,7 @@ _SAMPLES = 100  # of a curve
 _SHIFTED = 4.0  # stretch at a junction that bends to the shared point, radii
 _LOST = 2.5  # length that a curve may lose between junctions, radii; at a free end its margin, too
 _LOST_OF_RING = 0.5  # share of its length that a ring may lose
+_STILL = 1e-5  # metres: way of a junction's place in a round that ends the search
 _ROUNDS = 6  # of finding a junction's place
 _SAME_END = 1.0  # distance of the end of points from that of the mask where the points count, radii
 
@@ -327,7 +328,9 @@ def _share_points(
                 tangent = tangent / max(float(np.linalg.norm(tangent)), 1e-12)
                 across = np.eye(3) - np.outer(tangent, tangent)
                 normal, right = normal + across, right + across @ way[nearest]
-            found[number] = np.linalg.solve(normal, right)
+            before, found[number] = found[number].copy(), np.linalg.solve(normal, right)
+            if np.linalg.norm(found[number] - before) < _STILL:
+                break
         covariances[number] = np.linalg.inv(normal) * fit.sigma**2
         for k, late in at:
             s = _find_passing(parts[k], found[number], late, _MAX_MOVE * fit.radius(k))

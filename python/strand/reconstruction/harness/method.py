@@ -27,6 +27,7 @@ from strand.reconstruction.harness.lines import Lines, trace_lines
 from strand.reconstruction.harness.net_evidence import weigh_layouts
 from strand.reconstruction.harness.onward import follow_ends
 from strand.reconstruction.harness.places import Decisions, collect_decisions, decide_places
+from strand.reconstruction.harness.rises import list_rises
 from strand.reconstruction.harness.strands import (
     Strand,
     drop_collapsed,
@@ -231,7 +232,10 @@ def _look(ground: Ground, toward: Array, asked: _Asked) -> _Sight:
 
 def _answer(sight: _Sight, ropes: _TraceRopes, asked: _Asked) -> FoundHarness:
     """Return the ropes that do not branch, or the graph that the map shows; `ropes` traces some radii."""
-    found = _find_ropes(sight, ropes, asked) if len(sight.lines.hubs) else None
+    lines = [(strand.nodes, strand.half_width, strand.closed) for strand in sight.strands]
+    # an end that lies on another one leaves no hub
+    hidden = sight.ground.table is not None and list_rises(lines, sight.ground.up)
+    found = _find_ropes(sight, ropes, asked) if len(sight.lines.hubs) or hidden else None
     return _fit(sight, None, asked) if found is None else found
 
 

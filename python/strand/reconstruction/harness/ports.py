@@ -36,6 +36,8 @@ class Port:
     half_width : float
     thickness : float
         How high the strand is, metres: at most as its width, or as its surface over the table.
+    depth : float
+        Depth of its axis below its surface, metres.
     height : float
         Of the surface, continued to the hub, metres.
     near, rest : float
@@ -54,6 +56,7 @@ class Port:
     curvature: Array
     half_width: float
     thickness: float
+    depth: float
     height: float
     near: float
     rest: float
@@ -91,9 +94,12 @@ def measure_port(arc: int, end: int, lines: Lines, drawn: SurfaceMap, floor: flo
     own = float(np.median(drawn.sample_heights(cells[rest] if rest.any() else stretch)))
     width = (1.0 + drawn.ridge) * drawn.cell * half_width
     is_flat = floor is not None and own - floor < _FLAT * width
-    thickness = width if floor is None else min(width, own - floor)
+    thickness = width if floor is None else min(width, max(own - floor, drawn.cell))
+    depth = thickness * drawn.ridge / (1.0 + drawn.ridge)
     directions = direction, mean_direction, curvature
-    return Port(arc, end, place, *directions, half_width, thickness, height, near, own, scatter, is_flat)
+    return Port(
+        arc, end, place, *directions, half_width, thickness, depth, height, near, own, scatter, is_flat
+    )
 
 
 def measure_along(cells: Array) -> Array:

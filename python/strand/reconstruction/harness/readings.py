@@ -200,7 +200,6 @@ def _read_four(
     lowest, top = np.percentile(drawn.sample_heights(middle), (_LOWEST, _TOP)).tolist()
     rest = max(port.rest for port in own)
     deviation = _measure_deviation(own, radius)
-    depth = drawn.ridge / (1.0 + drawn.ridge)  # of an axis below the surface, thicknesses
     room = _price_room(middle, rest, radius, drawn) if on_table else 0.0
     readings, levels = [], []
     for pairs in _PAIRINGS:
@@ -211,8 +210,8 @@ def _read_four(
             continue
         first, second = (0.5 * (own[i].height + own[j].height) for i, j in pairs)
         # axes, as strands of different widths that lie on a table differ in their surfaces
-        ridges = [0.5 * depth * (own[i].thickness + own[j].thickness) for i, j in pairs]
-        rise = abs(first - ridges[0] - second + ridges[1])
+        depths = [0.5 * (own[i].depth + own[j].depth) for i, j in pairs]
+        rise = abs(first - depths[0] - second + depths[1])
         if on_table:
             rise = max(rise, top - rest)
         cost = room + sum(_price_continuation(own[i], own[j]) for i, j in pairs)
@@ -242,8 +241,8 @@ def _read_five(
     top = float(np.percentile(drawn.sample_heights(middle), _TOP))
     base = max(port.rest for port in own)
     widths = drawn.cell * np.array([port.half_width for port in own])
-    ridges = drawn.ridge / (1.0 + drawn.ridge) * np.array([port.thickness for port in own])
-    axes = np.array([port.height for port in own]) - ridges
+    depths = np.array([port.depth for port in own])
+    axes = np.array([port.height for port in own]) - depths
     radius = float(widths.mean())
     deviation = _measure_deviation(own, radius)
     for pair in combinations(range(5), 2):
@@ -260,8 +259,8 @@ def _read_five(
         cost += _RISE_WEIGHT * (max(0.0, _RISE * radius - rise) / deviation) ** 2
         apart = float(np.ptp(axes[list(rest)])) - _SPREAD * radius
         cost += min(_LEVEL_WEIGHT * (max(0.0, apart) / deviation) ** 2, _MAX_LEVEL)
-        own_height = float(passing + ridges[list(pair)].mean())
-        other = float(joint + ridges[list(rest)].mean())
+        own_height = float(passing + depths[list(pair)].mean())
+        other = float(joint + depths[list(rest)].mean())
         readings.append(Reading(cost, rest, (pair,), (own_height,), (other,), place=place))
         levels.append(_price_rise(rise, radius, deviation))
     if joined:
