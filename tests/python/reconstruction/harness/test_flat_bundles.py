@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import strand
-from strand.reconstruction.harness.flat_bundles import FlatBundles
+from strand.reconstruction.harness.flat_bundles import FlatBundles, lay_strands
+from strand.reconstruction.harness.strands import Strand
+from strand.reconstruction.harness.surface_map import SurfaceMap
 from strand.synthetic import Noise, harness
 
 
@@ -74,3 +76,19 @@ def test_a_wire_that_lies_along_the_others_is_missed_with_a_doubt():
     assert len(model.harness.edges) < len(made.edges)
     assert any("do not add up" in doubt.reason for doubt in model.doubts)
     assert model.confidence < 0.5
+
+
+@pytest.mark.parametrize("middle", [30.0, 5.0])
+def test_a_strand_of_two_widths_or_off_the_mask_has_a_line(middle):
+    mask = np.zeros((60, 101), dtype=bool)
+    mask[26:35, :50] = True
+    mask[20:41, 50:] = True
+    ones = np.ones(mask.shape)
+    drawn = SurfaceMap(np.eye(3), np.zeros(2), 1.0, mask, ones, ones, mask)
+    places = np.column_stack([np.full(98, middle), np.arange(1.0, 99.0)])
+    strand = Strand(drawn.lift(places, np.ones(98)), (0, 1), 6.0, False)
+    bundles = FlatBundles(np.array([3]), 2.0, np.array([0.0, 0.0, 1.0]), np.array([np.inf]))
+    (laid,) = lay_strands([strand], bundles, drawn)
+    assert np.isfinite(laid.nodes).all()
+    if middle == 30.0:
+        np.testing.assert_allclose(laid.nodes[:, 0], strand.nodes[:, 0], atol=1.0)

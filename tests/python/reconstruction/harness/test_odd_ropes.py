@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import strand
+from strand.reconstruction.harness.rises import list_rises
 from strand.synthetic import Camera, Noise, camera_pose, harness, render_depth
 
 CAMERA = Camera(size=(640, 480))
@@ -46,14 +47,27 @@ def test_an_end_that_touches_a_side_is_no_sure_junction():
     assert look([host, other], 0.004).confidence < 0.9
 
 
-def test_two_ends_that_lie_on_each_other_are_no_sure_rope():
+def test_two_ends_that_lie_on_each_other_are_two_ropes():
     s = np.linspace(0.0, 0.14, 90)
     below = np.column_stack([s, np.zeros(90), np.full(90, 0.004)])
     # the other rope comes down to the table within nine radii
     share = np.clip((s - 0.006) / 0.036, 0.0, 1.0)
     above = np.column_stack([np.full(90, 0.002), s, 0.004 + 0.0082 * (1.0 - share**2 * (3.0 - 2.0 * share))])
     model = look([below, above], 0.004)
-    assert len(model.chains) == 2 or model.confidence < 0.9
+    assert [node.degree for node in model.harness.nodes] == [1, 1, 1, 1]
+    assert sorted(chain.length for chain in model.chains) == pytest.approx([0.14, 0.14], abs=0.008)
+
+
+@pytest.mark.parametrize(("height", "below", "found"), [(0.008, 1.0, 1), (0.002, 1.0, 0), (0.008, 0.0, 0)])
+def test_a_strand_that_rises_over_nothing_is_found(height, below, found):
+    along = np.linspace(-0.15, 0.15, 151)
+    bump = height * np.exp(-((along / 0.015) ** 2))
+    rising = np.column_stack([along, np.zeros(151), 0.004 + bump])
+    other = np.column_stack([np.full(151, 0.001), along + 0.3 * below, np.full(151, 0.004)])
+    places = list_rises([(rising, 0.004, False), (other, 0.004, False)], np.array([0.0, 0.0, 1.0]))
+    assert len(places) == found
+    if found:
+        np.testing.assert_allclose(places[0], [0.0, 0.0, 0.012], atol=0.01)
 
 
 def test_a_radius_as_high_as_the_ropes_is_refused():
