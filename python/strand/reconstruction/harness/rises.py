@@ -49,13 +49,18 @@ def _find_rise(line: Line, others: Sequence[Line], up: Array) -> Array | None:
     s = np.arange(0.0, along[-1], _STEP * radius)
     places = np.column_stack([np.interp(s, along, nodes[:, axis]) for axis in range(3)])
     reach = min(round(_REACH / _STEP), len(s) - 1)
-    padded = np.pad(places @ up, reach, mode="wrap" if closed else "edge")
-    lowest = np.lib.stride_tricks.sliding_window_view(padded, reach + 1).min(axis=1)
-    rise = places @ up - np.maximum(lowest[: len(s)], lowest[reach:])
+    heights = places @ up
+    windows = np.lib.stride_tricks.sliding_window_view(
+        np.pad(heights, reach, mode="wrap" if closed else "edge"), reach + 1
+    )
+    sides = windows[: len(s)], windows[reach:]
+    rise = heights - np.maximum(*(side.min(axis=1) for side in sides))
+    # a place on the way up is none
+    rise[heights < np.maximum(*(side.max(axis=1) for side in sides))] = 0.0
     if not closed:
         at_ends = round(_AT_ENDS / _STEP)
         rise[:at_ends] = rise[len(s) - min(at_ends, len(s)) :] = 0.0
-    plan = places - np.outer(places @ up, up)
+    plan = places - np.outer(heights, up)
     for k in np.flatnonzero(rise > _RISE * radius):
         own = np.abs(s - s[k])
         own = np.minimum(own, along[-1] - own) if closed else own
