@@ -66,7 +66,8 @@ def find_parting(place: Array, own: Sequence[Port], lines: Lines, drawn: Surface
     """Return where two of three arcs part that leave side by side.
 
     A hub lies where the tubes come apart, beyond the place where their axes part. There their straight
-    continuations meet, and the band's half width, led back along the third arc, is that of one of them.
+    continuations meet, and the band's half width, led back along the third arc, is that of one of them. Where
+    they run side by side first, only the band tells.
     """
     if len(own) != 3:
         return place

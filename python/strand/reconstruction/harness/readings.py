@@ -301,7 +301,10 @@ def _turn_back(pair: tuple[int, int], hubs: Sequence[int]) -> bool:
 
 
 def _price_continuation(some: Port, other: Port) -> float:
-    """Return the cost of two ports that are one strand: bend, sideways shift, difference of widths."""
+    """Return the cost of two ports that are one strand: bend, shift aside, difference of widths.
+
+    It goes on as it points at the hub, as it points near the hub, or bent as outside: the cheapest counts.
+    """
     way = other.place - some.place
     gap = max(float(np.linalg.norm(way)), 1e-9)
     turns = []
