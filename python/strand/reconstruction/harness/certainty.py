@@ -11,6 +11,7 @@ import numpy as np
 
 from strand.geometry.polyline import path_length
 from strand.reconstruction.harness.graph import Graph
+from strand.reconstruction.harness.look_doubts import doubt_hidden_ends
 from strand.reconstruction.harness.method import FoundHarness
 from strand.reconstruction.harness.rises import list_rises
 from strand.reconstruction.harness.strands import ENDS, WIDER, measure_parts
@@ -134,6 +135,7 @@ def judge(found: FoundHarness, graph: Graph, chains: Sequence[Chain]) -> Certain
     if left > 0.0:
         reason = f"{100.0 * (left + _LEFT_SHARE):.0f} % of the points lie on no strand"
         doubts.append(Doubt("left out", _LEFT_DOUBT * left, "what is there", reason))
+    doubts += doubt_hidden_ends(graph, chains, found.ground.up)
     doubts += _doubt_edges(graph, chains)
     doubts += _doubt_ends(graph, chains, found.ground.up)
     # on a table, the map shows that nothing lies between ends

@@ -1,4 +1,4 @@
-"""Doubts of a look at a harness: by another look, by views along the table, and by dropped points."""
+"""Doubts of a look at a harness: another look, views along the table, hidden ends, and dropped points."""
 
 from __future__ import annotations
 
@@ -13,12 +13,15 @@ from strand.reconstruction.harness.ground import Ground
 from strand.reconstruction.stages import Observed
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
+from strand.support.checks import Array
 
 _GRAZING = 0.35  # cosine of the angle between up and the steepest view below which it tells little
 _GRAZING_DOUBT = 0.8  # doubt of views along the table
 _FAR = 2.0  # distance of points that no strand covers, greatest radii
 _DROPPED = 0.004  # share of such points that raises no doubt
 _DROPPED_DOUBT = 20.0  # doubt for all points
+_ABOVE = 0.5  # height of a strand over an end that it hides at least, sums of their radii
+_HIDDEN_DOUBT = 0.09  # doubt of each such end
 
 
 def is_same_graph(some: Graph, other: Graph, reach: float) -> bool:
@@ -79,6 +82,25 @@ def doubt_grazing_views(ground: Ground) -> Iterator[Doubt]:
         degrees = math.degrees(math.asin(max(steepest, 0.0)))
         reason = f"all views look along the table, the steepest at {degrees:.0f} degrees"
         yield Doubt("view", _GRAZING_DOUBT * (1.0 - steepest / _GRAZING), "how strands meet", reason)
+
+
+def doubt_hidden_ends(graph: Graph, chains: Sequence[Chain], up: Array) -> Iterator[Doubt]:
+    """Doubt free ends that lie under another strand: there a strand may go on."""
+    for number, (pair, chain) in enumerate(zip(graph.pairs, chains, strict=True)):
+        for late, node in enumerate(pair):
+            tip = chain.points[-late]
+            others = [other for k, other in enumerate(chains) if k != number and graph.degrees[node] == 1]
+            if any(_lies_above(other, tip, chain.radius + other.radius, up) for other in others):
+                reason = "an end lies under another strand: below it, the strand may go on"
+                yield Doubt("end", _HIDDEN_DOUBT, "whether a strand ends", reason, tip)
+
+
+def _lies_above(chain: Chain, place: Array, reach: float, up: Array) -> bool:
+    """Tell whether a chain lies above a place (3,), within a reach in the plan, metres."""
+    offsets = chain.points - place
+    rise = offsets @ up
+    aside = np.linalg.norm(offsets - np.outer(rise, up), axis=1)
+    return bool(((aside < reach) & (rise > _ABOVE * reach)).any())
 
 
 def doubt_dropped(observed: Observed, ground: Ground, chains: Sequence[Chain]) -> Iterator[Doubt]:

@@ -9,7 +9,7 @@ import pytest
 
 import strand
 from strand.reconstruction.harness.graph import Graph
-from strand.reconstruction.harness.look_doubts import doubt_by_rival, is_same_graph
+from strand.reconstruction.harness.look_doubts import doubt_by_rival, doubt_hidden_ends, is_same_graph
 from strand.synthetic import Camera, Noise, camera_pose, harness
 from strand.synthetic.rendering import render_depth
 
@@ -46,6 +46,17 @@ def test_graphs_are_the_same_in_any_order_and_near_enough():
     assert not is_same_graph(graph, renamed, 0.005)
     assert not is_same_graph(graph, make_graph(PLACES, [(0, 1), (0, 2), (1, 3)]), 0.01)
     assert not is_same_graph(graph, make_graph(PLACES[:3], PAIRS[:2]), 0.01)
+
+
+@pytest.mark.parametrize(("height", "hidden"), [(2.0, 2), (0.0, 0), (-2.0, 0)])
+def test_ends_under_another_strand_are_doubted(height, hidden):
+    # two strands end where a third passes, over the ends, beside or under these
+    lines = [draw((-0.1, 0.0), (-0.002, 0.0)), draw((0.002, 0.0), (0.1, 0.0)), draw((0.0, -0.1), (0.0, 0.1))]
+    lines[2][:, 2] += height * RADIUS
+    chains = [strand.Chain(line, RADIUS) for line in lines]
+    graph = make_graph([line[late] for line in lines for late in (0, -1)], [(0, 1), (2, 3), (4, 5)])
+    doubts = list(doubt_hidden_ends(graph, chains, np.array([0.0, 0.0, 1.0])))
+    assert [abs(float(doubt.place[0])) for doubt in doubts] == [0.002] * hidden
 
 
 def test_the_node_of_a_ring_has_no_place_of_its_own():
