@@ -135,7 +135,8 @@ def check_depth(
     if depth_scale is not None:
         scale = check_positive("depth_scale", depth_scale)
         if image.dtype == np.uint16 and image.ndim == 2 and np.isfinite(_MAX_UINT16 * scale):
-            return np.ascontiguousarray(image), scale
+            # images of messages start anywhere in a buffer
+            return np.require(image, requirements=("C", "A")), scale
         if image.dtype.kind not in "fiu":
             raise TypeError(f"depth: expected numbers, got dtype {image.dtype}")
         given = image
