@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from strand import pose_from_angles
+from strand import View, pose_from_angles
 from strand.views.depth_image import DepthImage
 from strand.views.pinhole import Pinhole
 
@@ -40,3 +40,13 @@ def test_pixels_are_where_the_world_sees_their_points():
     world = image.lift(rows, columns, image.depth)
     seen = image.project(world.reshape(-1, 3))
     assert seen == pytest.approx(np.column_stack([columns.ravel(), rows.ravel()]), abs=1e-9)
+
+
+@pytest.mark.parametrize("start", [0, 1])
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_depths_of_16_bits_lie_anywhere_in_a_buffer(start, order):
+    millimetres = np.arange(192, dtype=np.uint16).reshape(12, 16) + 500
+    buffer = bytes(start) + millimetres.tobytes()
+    depth = np.asarray(np.frombuffer(buffer, np.uint16, 192, start).reshape(12, 16), order=order)
+    view = View.from_depth(depth, [[50.0, 0.0, 1.5], [0.0, 60.0, 1.0], [0.0, 0.0, 1.0]], depth_scale=0.001)
+    np.testing.assert_array_equal(view.points[:, 2], millimetres.ravel() * 0.001)

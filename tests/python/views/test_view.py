@@ -66,16 +66,6 @@ def test_a_depth_image_is_copied_and_cropping_it_is_cropping_its_points():
         _ = copied.nothing
 
 
-@pytest.mark.parametrize("start", [0, 1])
-@pytest.mark.parametrize("order", ["C", "F"])
-def test_depths_of_16_bits_lie_anywhere_in_a_buffer(start, order):
-    millimetres = np.arange(192, dtype=np.uint16).reshape(12, 16) + 500
-    buffer = bytes(start) + millimetres.tobytes()
-    depth = np.asarray(np.frombuffer(buffer, np.uint16, 192, start).reshape(12, 16), order=order)
-    view = View.from_depth(depth, INTRINSICS, depth_scale=0.001)
-    np.testing.assert_array_equal(view.points[:, 2], millimetres.ravel() * 0.001)
-
-
 @pytest.mark.parametrize("kind", [np.uint16, np.int32, np.float32, np.float64])
 def test_a_depth_scale_says_what_a_unit_is(kind):
     millimetres = np.random.default_rng(6).integers(0, 900, (12, 16)).astype(kind)

@@ -211,34 +211,31 @@ def _doubt_edges(graph: Graph, chains: Sequence[Chain]) -> list[Doubt]:
 
 def _doubt_ends(graph: Graph, chains: Sequence[Chain], up: Array) -> list[Doubt]:
     """Doubt free ends that lie beside another strand, or beside another end, at its height."""
-    degrees, doubts = graph.degrees, []
-    for number, (pair, chain) in enumerate(zip(graph.pairs, chains, strict=True)):
-        for late, node in enumerate(pair):
-            if degrees[node] > 1:
-                continue
-            tip = chain.points[-late]
-            for other in [other for k, other in enumerate(chains) if k != number]:
-                offsets, reach = other.points - tip, chain.radius + other.radius
-                away = np.linalg.norm(offsets[np.abs(offsets @ up) < _LEVEL * reach], axis=1)
-                nearest = float(away.min(initial=np.inf))
-                if nearest < _NEAR_END * chain.radius:
-                    # ropes do not lie inside each other
-                    amount = _INSIDE_DOUBT if nearest < _INSIDE * reach else _NEAR_DOUBT
-                    reason = "a strand ends beside another one: they may be joined"
-                    doubts.append(Doubt("end", amount, "whether a strand ends", reason, tip))
-                    break
+    doubts = []
+    for number, late in graph.list_free_ends():
+        chain = chains[number]
+        tip = chain.points[-late]
+        for other in [other for k, other in enumerate(chains) if k != number]:
+            offsets, reach = other.points - tip, chain.radius + other.radius
+            away = np.linalg.norm(offsets[np.abs(offsets @ up) < _LEVEL * reach], axis=1)
+            nearest = float(away.min(initial=np.inf))
+            if nearest < _NEAR_END * chain.radius:
+                # ropes do not lie inside each other
+                amount = _INSIDE_DOUBT if nearest < _INSIDE * reach else _NEAR_DOUBT
+                reason = "a strand ends beside another one: they may be joined"
+                doubts.append(Doubt("end", amount, "whether a strand ends", reason, tip))
+                break
     return doubts
 
 
 def _doubt_gaps(graph: Graph, chains: Sequence[Chain]) -> list[Doubt]:
     """Doubt free ends that point at each other across a gap: a strand may go on where no camera saw it."""
     tips = []
-    for number, (pair, chain) in enumerate(zip(graph.pairs, chains, strict=True)):
-        for late, node in enumerate(pair):
-            if graph.degrees[node] == 1:
-                s = min(_GAP_REACH * chain.radius, 0.5 * chain.length)
-                tip, inner = chain.at([chain.length, chain.length - s] if late else [0.0, s])
-                tips.append((number, tip, (tip - inner) / max(float(np.linalg.norm(tip - inner)), 1e-12)))
+    for number, late in graph.list_free_ends():
+        chain = chains[number]
+        s = min(_GAP_REACH * chain.radius, 0.5 * chain.length)
+        tip, inner = chain.at([chain.length, chain.length - s] if late else [0.0, s])
+        tips.append((number, tip, (tip - inner) / max(float(np.linalg.norm(tip - inner)), 1e-12)))
     doubts = []
     for (some, tip, outward), (other, ahead, back) in combinations(tips, 2):
         way = ahead - tip

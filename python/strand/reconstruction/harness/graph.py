@@ -38,6 +38,16 @@ class Graph:
         counts = Counter(node for pair in self.pairs for node in pair)
         return [counts[node] for node in range(len(self.places))]
 
+    def list_free_ends(self) -> list[tuple[int, int]]:
+        """Return the strand's number, and 0 for its first or 1 for its last node, of each free end."""
+        degrees = self.degrees
+        return [
+            (number, late)
+            for number, pair in enumerate(self.pairs)
+            for late in (0, 1)
+            if degrees[pair[late]] == 1
+        ]
+
 
 def make_graph(
     chains: Sequence[Chain], strands: Sequence[Strand], places: Array, covariances: Array

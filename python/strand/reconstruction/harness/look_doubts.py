@@ -10,6 +10,7 @@ import numpy as np
 import strand._core as _core
 from strand.reconstruction.harness.graph import Graph
 from strand.reconstruction.harness.ground import Ground
+from strand.reconstruction.harness.rises import measure_offsets
 from strand.reconstruction.stages import Observed
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
@@ -86,20 +87,18 @@ def doubt_grazing_views(ground: Ground) -> Iterator[Doubt]:
 
 def doubt_hidden_ends(graph: Graph, chains: Sequence[Chain], up: Array) -> Iterator[Doubt]:
     """Doubt free ends that lie under another strand: there a strand may go on."""
-    for number, (pair, chain) in enumerate(zip(graph.pairs, chains, strict=True)):
-        for late, node in enumerate(pair):
-            tip = chain.points[-late]
-            others = [other for k, other in enumerate(chains) if k != number and graph.degrees[node] == 1]
-            if any(_lies_above(other, tip, chain.radius + other.radius, up) for other in others):
-                reason = "an end lies under another strand: below it, the strand may go on"
-                yield Doubt("end", _HIDDEN_DOUBT, "whether a strand ends", reason, tip)
+    reason = "an end lies under another strand: below it, the strand may go on"
+    for number, late in graph.list_free_ends():
+        chain = chains[number]
+        tip = chain.points[-late]
+        others = [other for k, other in enumerate(chains) if k != number]
+        if any(_lies_above(other, tip, chain.radius + other.radius, up) for other in others):
+            yield Doubt("end", _HIDDEN_DOUBT, "whether a strand ends", reason, tip)
 
 
 def _lies_above(chain: Chain, place: Array, reach: float, up: Array) -> bool:
     """Tell whether a chain lies above a place (3,), within a reach in the plan, metres."""
-    offsets = chain.points - place
-    rise = offsets @ up
-    aside = np.linalg.norm(offsets - np.outer(rise, up), axis=1)
+    rise, aside = measure_offsets(chain.points, place, up)
     return bool(((aside < reach) & (rise > _ABOVE * reach)).any())
 
 

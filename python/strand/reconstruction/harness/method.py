@@ -232,11 +232,14 @@ def _look(ground: Ground, toward: Array, asked: _Asked) -> _Sight:
 
 def _answer(sight: _Sight, ropes: _TraceRopes, asked: _Asked) -> FoundHarness:
     """Return the ropes that do not branch, or the graph that the map shows; `ropes` traces some radii."""
-    lines = [(strand.nodes, strand.half_width, strand.closed) for strand in sight.strands]
-    # an end that lies on another one leaves no hub
-    hidden = sight.ground.table is not None and list_rises(lines, sight.ground.up)
-    found = _find_ropes(sight, ropes, asked) if len(sight.lines.hubs) or hidden else None
+    found = _find_ropes(sight, ropes, asked) if len(sight.lines.hubs) or _hides_ends(sight) else None
     return _fit(sight, None, asked) if found is None else found
+
+
+def _hides_ends(sight: _Sight) -> bool:
+    """Tell whether an end may lie under a strand, or on it, without a hub."""
+    lines = [(strand.nodes, strand.half_width, strand.closed) for strand in sight.strands]
+    return sight.ground.table is not None and len(list_rises(lines, sight.ground.up)) > 0
 
 
 def _find_ropes(sight: _Sight, ropes: _TraceRopes, asked: _Asked) -> FoundHarness | None:

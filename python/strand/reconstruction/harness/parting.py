@@ -9,7 +9,7 @@ import numpy as np
 
 import strand._core as _core
 from strand.reconstruction.harness.lines import Lines
-from strand.reconstruction.harness.ports import Port, measure_angle
+from strand.reconstruction.harness.ports import Port, measure_along, measure_angle
 from strand.reconstruction.harness.surface_map import SurfaceMap
 from strand.support.checks import Array
 
@@ -81,7 +81,7 @@ def find_parting(place: Array, own: Sequence[Port], lines: Lines, drawn: Surface
         return met
     trunk = own[3 - sum(pair)]
     cells = np.concatenate([place[None], lines.arcs[trunk.arc].from_end(trunk.end)])
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(cells, axis=0), axis=1))])
+    along = measure_along(cells)
     widths = drawn.sample_widths(cells)
     branch = 0.5 * (own[pair[0]].half_width + own[pair[1]].half_width)
     # the branches may run side by side, or apart, before they come together

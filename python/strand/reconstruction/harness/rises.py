@@ -60,18 +60,23 @@ def _find_rise(line: Line, others: Sequence[Line], up: Array) -> Array | None:
     if not closed:
         at_ends = round(_AT_ENDS / _STEP)
         rise[:at_ends] = rise[len(s) - min(at_ends, len(s)) :] = 0.0
-    plan = places - np.outer(heights, up)
     for k in np.flatnonzero(rise > _RISE * radius):
         own = np.abs(s - s[k])
         own = np.minimum(own, along[-1] - own) if closed else own
-        below = [(plan[own > _OWN * radius], radius), *((other[0], other[1]) for other in others)]
-        if not any(_is_near(plan[k], some, radius + its, up) for some, its in below):
+        below = [(places[own > _OWN * radius], radius), *((other[0], other[1]) for other in others)]
+        if not any(_is_near(places[k], some, radius + its, up) for some, its in below):
             return np.asarray(places[k])
     return None
 
 
 def _is_near(place: Array, nodes: Array, radii: float, up: Array) -> bool:
     """Tell whether some of nodes (M, 3) lie near a place (3,) in the plan."""
+    _, aside = measure_offsets(nodes, place, up)
+    return bool((aside < _NEAR * radii).any())
+
+
+def measure_offsets(nodes: Array, place: Array, up: Array) -> tuple[Array, Array]:
+    """Return how far nodes (M, 3) lie above a place (3,), and aside in the plan, both (M,) metres."""
     offsets = nodes - place
-    away = offsets - np.outer(offsets @ up, up)
-    return bool((np.einsum("ij,ij->i", away, away) < (_NEAR * radii) ** 2).any())
+    rise = offsets @ up
+    return rise, np.linalg.norm(offsets - np.outer(rise, up), axis=1)
