@@ -1,10 +1,14 @@
 //! Source points and their nearest target points, kept from pose to pose.
 //!
-//! A search finds the nearest target point (the partner), a short list of near points, and two bounds. All points but
-//! the partner are farther than the first bound, all unlisted points farther than the second. A partner stays while the
-//! source point's motion leaves the first bound valid. After that only the list is compared, while the second is valid.
-//! Then a new search is needed.
+//! A search at a place of a source point, its anchor, finds the nearest target point (the partner), a short list of near
+//! points, and a bound: all unlisted points are farther. Until the source point has moved too far from its anchor, only
+//! the list is compared. A partner stays without that while the source point has not moved farther than the next
+//! listed point allows. Bounds and lists are in single precision; where it cannot tell two points apart, double
+//! precision decides.
 
+mod choice;
+mod lists;
+mod near;
 mod partners;
 mod search;
 mod sums;
@@ -13,40 +17,55 @@ use nalgebra::SMatrix;
 use rayon::prelude::*;
 
 use crate::geometry::{Point, RigidMotion, squared_distance};
-use crate::index::around::Around;
 use crate::parallel::go_on;
 use crate::simd::{BATCH, LANES, kernel};
+use choice::{choose, is_same};
+use lists::List;
+use near::Near;
+use partners::Batch;
 pub use partners::Pairing;
-use partners::{Batch, NONE, is_below};
 use search::search;
 pub use sums::Pairs;
 use sums::{TERMS, add_pairs};
 
 /// Batches that one task works on; fixed, so that sums do not depend on the number of threads.
 const BATCHES_PER_TASK: usize = 16;
+/// Batches, at most, for which threads cost more time than they save.
+const MAX_IN_TURN: usize = 128;
 /// Lanes of a batch, at most, that are searched alone; if more need a search, all are searched.
-const MAX_ALONE: usize = 1;
-const ALL: [usize; BATCH] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15]; // the numbers of all lanes
+const MAX_ALONE: u32 = 1;
 
 impl Pairing {
     /// Finds the pairs at a pose.
     pub fn pair(&mut self, pose: &RigidMotion) -> Pairs {
+        self.pose = *pose;
         let origin = pose.apply(self.center);
-        let mut batches = std::mem::take(&mut self.batches);
-        let parts: Vec<[f64; TERMS]> = batches
-            .par_chunks_mut(BATCHES_PER_TASK)
-            .map_init(Around::default, |around, batches| {
-                go_on();
-                pair(self, batches, pose, origin, around)
-            })
-            .collect();
-        self.batches = batches;
+        let (mut batches, mut lists) = (std::mem::take(&mut self.batches), std::mem::take(&mut self.lists));
         let mut sums = [0.0; TERMS];
-        for part in parts {
+        let mut add = |part: [f64; TERMS]| {
             for (sum, part) in sums.iter_mut().zip(part) {
                 *sum += part;
             }
+        };
+        if batches.len() <= MAX_IN_TURN {
+            let mut buffers = std::mem::take(&mut self.buffers);
+            let tasks = batches.chunks_mut(BATCHES_PER_TASK).zip(lists.chunks_mut(BATCHES_PER_TASK));
+            for (batches, lists) in tasks {
+                go_on();
+                add(pair(self, batches, lists, origin, &mut buffers));
+            }
+            self.buffers = buffers;
+        } else {
+            let tasks = batches.par_chunks_mut(BATCHES_PER_TASK).zip(lists.par_chunks_mut(BATCHES_PER_TASK));
+            let parts: Vec<[f64; TERMS]> = tasks
+                .map_init(Near::default, |buffers, (batches, lists)| {
+                    go_on();
+                    pair(self, batches, lists, origin, buffers)
+                })
+                .collect();
+            parts.into_iter().for_each(add);
         }
+        (self.batches, self.lists) = (batches, lists);
         Pairs::new(sums, origin, self.source_points)
     }
 
@@ -61,12 +80,16 @@ impl Pairing {
             .map(|batches| {
                 let mut sum = SMatrix::zeros();
                 for batch in batches {
+                    let moved = moved_to(&batch.points, &self.pose);
                     for l in 0..batch.count {
-                        let moved = batch.moved.map(|values| values[l]);
-                        if let Some(&target) = self.sorted.get(batch.partners[l] as usize)
-                            && squared_distance(target, moved) <= self.reach * self.reach
-                        {
-                            sum += term(moved, target, self.cells.input_index(batch.partners[l] as usize));
+                        let moved = moved.map(|values| values[l]);
+                        let target = batch.targets.map(|values| values[l]);
+                        if squared_distance(target, moved) <= self.reach * self.reach {
+                            sum += term(
+                                moved,
+                                target,
+                                self.cells.input_index(batch.partners[l].to_bits() as usize),
+                            );
                         }
                     }
                 }
@@ -83,65 +106,30 @@ kernel! {
         simd,
         pairing: &Pairing,
         batches: &mut [Batch],
-        pose: &RigidMotion,
+        lists: &mut [List],
         origin: Point,
-        around: &mut Around,
+        buffers: &mut Near,
     ) -> [f64; TERMS] {
         let limit = pairing.reach * pairing.reach;
         let mut sums = [[0.0; LANES]; TERMS];
-        for batch in batches {
-            let moved = moved_to(&batch.points, pose);
-            let steps = squares(&moved, &batch.moved).map(f64::sqrt);
-            batch.moved = moved;
-            let mut targets = [[0.0; BATCH]; 3];
-            for l in 0..BATCH {
-                let partner = pairing.sorted.get(batch.partners[l] as usize).unwrap_or(&origin);
-                for k in 0..3 {
-                    targets[k][l] = partner[k];
-                }
-            }
-            let apart = squares(&moved, &targets);
-            let mut same = [true; BATCH];
-            for l in 0..BATCH {
-                batch.others[l] -= steps[l] + pairing.rounding;
-                batch.beyond[l] -= steps[l] + pairing.rounding;
-                let nearest = is_below(apart[l], batch.others[l]);
-                // then it does not matter which is the nearest
-                let none =
-                    ((apart[l] > limit) | (batch.partners[l] == NONE)) & (pairing.reach < batch.others[l]);
-                same[l] = (nearest & (batch.partners[l] != NONE)) | none;
-            }
-            let mut left = [0; BATCH];
-            let mut count = 0;
-            for l in 0..batch.count {
-                left[count] = l;
-                count += usize::from(!same[l]);
-            }
-            let mut open = [0; BATCH];
-            let mut open_count = 0;
-            for &l in &left[..count] {
-                open[open_count] = l;
-                let sure = pairing.choose(batch, l, [moved[0][l], moved[1][l], moved[2][l]]);
-                open_count += usize::from(!sure);
-            }
-            if open_count > MAX_ALONE {
-                // then search all lanes: the others would follow soon, and cost little more now
-                (left, count) = (ALL, batch.count);
-                (open, open_count) = (left, count);
-            }
-            if open_count > 0 {
-                search(simd, pairing, batch, &moved, &open[..open_count], around);
-            }
-            for &l in &left[..count] {
-                if let Some(&partner) = pairing.sorted.get(batch.partners[l] as usize) {
-                    for k in 0..3 {
-                        targets[k][l] = partner[k];
+        for (batch, list) in batches.iter_mut().zip(lists) {
+            let moved = moved_to(&batch.points, &pairing.pose);
+            let all = (1u32 << batch.count) - 1;
+            let left = all & !is_same(simd, pairing, batch, &moved);
+            if left != 0 {
+                let mut open = choose(simd, pairing, batch, list, &moved, left);
+                let mut changed = left;
+                if open != 0 {
+                    if open.count_ones() > MAX_ALONE {
+                        // then search all lanes: the others would follow soon, and cost little more now
+                        (open, changed) = (all, all);
                     }
+                    search(simd, pairing, batch, list, &moved, open, buffers);
                 }
+                pairing.take_targets(batch, changed);
             }
-            let paired: [bool; BATCH] = std::array::from_fn(|l| batch.partners[l] != NONE && l < batch.count);
             for half in 0..BATCH / LANES {
-                add_pairs(&mut sums, half, &moved, &targets, &paired, origin, limit);
+                add_pairs(&mut sums, half, &moved, &batch.targets, origin, limit);
             }
         }
         sums.map(|sum| sum.iter().sum())
@@ -163,15 +151,4 @@ fn moved_to(points: &[[f64; BATCH]; 3], pose: &RigidMotion) -> [[f64; BATCH]; 3]
         moved[k] = values;
     }
     moved
-}
-
-/// Returns the squared distances between the points of the lanes.
-#[inline(always)]
-fn squares(a: &[[f64; BATCH]; 3], b: &[[f64; BATCH]; 3]) -> [f64; BATCH] {
-    let mut squares = [0.0; BATCH];
-    for l in 0..BATCH {
-        let d = [a[0][l] - b[0][l], a[1][l] - b[1][l], a[2][l] - b[2][l]];
-        squares[l] = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-    }
-    squares
 }

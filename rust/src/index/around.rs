@@ -204,10 +204,14 @@ impl Around {
         self.positions[..self.count].iter().map(|number| number.to_bits() as usize)
     }
 
-    /// The positions of the points, as the bits of floats.
+    /// Returns the position of a point, as the bits of a float, and its coordinates; `number` is its number among the
+    /// points around.
     #[inline(always)]
-    pub fn numbers(&self) -> &[f32] {
-        &self.positions[..self.count]
+    pub fn at(&self, number: usize) -> Option<(f32, [f32; 3])> {
+        if number >= self.count {
+            return None;
+        }
+        Some((self.positions[number], [self.near[0][number], self.near[1][number], self.near[2][number]]))
     }
 
     /// The points' coordinates along each axis.

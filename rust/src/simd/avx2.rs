@@ -108,6 +108,9 @@ impl Simd for Avx2 {
         fn min(self, a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
             [_mm256_min_ps(a[0], b[0]), _mm256_min_ps(a[1], b[1])]
         }
+        fn sqrt(self, x: [__m256; 2]) -> [__m256; 2] {
+            [_mm256_sqrt_ps(x[0]), _mm256_sqrt_ps(x[1])]
+        }
         fn max(self, a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
             [_mm256_max_ps(a[0], b[0]), _mm256_max_ps(a[1], b[1])]
         }
@@ -123,6 +126,17 @@ impl Simd for Avx2 {
             for i in 0..4 {
                 // SAFETY: four numbers remain from there on
                 let x = unsafe { _mm256_loadu_pd(x[4 * i..].as_ptr()) };
+                quarters[i] = _mm256_cvtpd_ps(_mm256_mul_pd(_mm256_sub_pd(x, origin), unit));
+            }
+            [_mm256_set_m128(quarters[1], quarters[0]), _mm256_set_m128(quarters[3], quarters[2])]
+        }
+        fn narrow_each(self, x: &[f64; BATCH], origins: &[f64; BATCH], unit: f64) -> [__m256; 2] {
+            let unit = _mm256_set1_pd(unit);
+            let mut quarters = [_mm_setzero_ps(); 4];
+            for i in 0..4 {
+                // SAFETY: four numbers remain from there on
+                let (x, origin) =
+                    unsafe { (_mm256_loadu_pd(x[4 * i..].as_ptr()), _mm256_loadu_pd(origins[4 * i..].as_ptr())) };
                 quarters[i] = _mm256_cvtpd_ps(_mm256_mul_pd(_mm256_sub_pd(x, origin), unit));
             }
             [_mm256_set_m128(quarters[1], quarters[0]), _mm256_set_m128(quarters[3], quarters[2])]

@@ -101,6 +101,9 @@ impl Simd for Avx512 {
         fn max(self, a: __m512, b: __m512) -> __m512 {
             _mm512_max_ps(a, b)
         }
+        fn sqrt(self, x: __m512) -> __m512 {
+            _mm512_sqrt_ps(x)
+        }
         fn le(self, a: __m512, b: __m512) -> __mmask16 {
             _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b)
         }
@@ -113,6 +116,17 @@ impl Simd for Avx512 {
             let (low, high) = unsafe { (_mm512_loadu_pd(x.as_ptr()), _mm512_loadu_pd(x[LANES..].as_ptr())) };
             let low = _mm512_cvtpd_ps(_mm512_mul_pd(_mm512_sub_pd(low, origin), unit));
             let high = _mm512_cvtpd_ps(_mm512_mul_pd(_mm512_sub_pd(high, origin), unit));
+            _mm512_insertf32x8::<1>(_mm512_castps256_ps512(low), high)
+        }
+        fn narrow_each(self, x: &[f64; BATCH], origins: &[f64; BATCH], unit: f64) -> __m512 {
+            let unit = _mm512_set1_pd(unit);
+            // SAFETY: two times eight numbers
+            let (low, high) = unsafe { (_mm512_loadu_pd(x.as_ptr()), _mm512_loadu_pd(x[LANES..].as_ptr())) };
+            // SAFETY: two times eight numbers
+            let (from_low, from_high) =
+                unsafe { (_mm512_loadu_pd(origins.as_ptr()), _mm512_loadu_pd(origins[LANES..].as_ptr())) };
+            let low = _mm512_cvtpd_ps(_mm512_mul_pd(_mm512_sub_pd(low, from_low), unit));
+            let high = _mm512_cvtpd_ps(_mm512_mul_pd(_mm512_sub_pd(high, from_high), unit));
             _mm512_insertf32x8::<1>(_mm512_castps256_ps512(low), high)
         }
         fn compress(self, bits: u32, x: __m512, to: &mut [f32]) {

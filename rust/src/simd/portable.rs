@@ -71,6 +71,10 @@ impl Simd for Portable {
         std::array::from_fn(|l| if a[l] > b[l] { a[l] } else { b[l] })
     }
     #[inline(always)]
+    fn sqrt(self, x: Singles) -> Singles {
+        x.map(f32::sqrt)
+    }
+    #[inline(always)]
     fn le(self, a: Singles, b: Singles) -> [bool; BATCH] {
         std::array::from_fn(|l| a[l] <= b[l])
     }
@@ -81,6 +85,10 @@ impl Simd for Portable {
     #[inline(always)]
     fn narrow(self, x: &[f64; BATCH], origin: f64, unit: f64) -> Singles {
         x.map(|x| ((x - origin) * unit) as f32)
+    }
+    #[inline(always)]
+    fn narrow_each(self, x: &[f64; BATCH], origins: &[f64; BATCH], unit: f64) -> Singles {
+        std::array::from_fn(|l| ((x[l] - origins[l]) * unit) as f32)
     }
     #[inline(always)]
     fn compress(self, bits: u32, x: Singles, to: &mut [f32]) {

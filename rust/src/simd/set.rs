@@ -37,12 +37,16 @@ pub trait Simd: Copy {
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
     /// The larger of two numbers, lane by lane.
     fn max(self, a: Self::F, b: Self::F) -> Self::F;
+    /// Square roots.
+    fn sqrt(self, x: Self::F) -> Self::F;
     /// A mask of the lanes where a ≤ b.
     fn le(self, a: Self::F, b: Self::F) -> Self::M;
     /// Takes a in the lanes of the mask, b in the others.
     fn select(self, mask: Self::M, a: Self::F, b: Self::F) -> Self::F;
     /// Converts coordinates to single precision, relative to an origin and in units.
     fn narrow(self, x: &[f64; BATCH], origin: f64, unit: f64) -> Self::F;
+    /// As [`Simd::narrow`], each coordinate relative to an origin of its own.
+    fn narrow_each(self, x: &[f64; BATCH], origins: &[f64; BATCH], unit: f64) -> Self::F;
     /// Packs the lanes of some bits at the start of `to`, which has room for a batch.
     fn compress(self, bits: u32, x: Self::F, to: &mut [f32]);
 

@@ -82,7 +82,9 @@ kernel! {
             simd.min(x, y),
             simd.max(x, y),
             simd.select(less, x, simd.splat(0.5)),
+            simd.sqrt(simd.mul(x, x)),
             simd.narrow(&wide, 0.1, 7.0),
+            simd.narrow_each(&wide, &b.map(f64::from), 7.0),
         ]
         .map(|x| bits(&simd.store(x)))
         .to_vec();

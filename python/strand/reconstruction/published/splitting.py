@@ -44,7 +44,8 @@ def measure_separation(
         own = slice(first, first + len(chain))
         for start in range(0, len(chain), _BLOCK):
             rows = slice(start, start + _BLOCK)
-            squared = ((chain[rows, None] - nodes[None]) ** 2).sum(axis=2)
+            x, y, z = ((chain[rows, k, None] - nodes[:, k]) ** 2 for k in range(3))
+            squared = x + y + z
             along = np.abs(arc[rows, None] - arc[None])
             if ring:
                 along = np.minimum(along, around - along)

@@ -4,33 +4,36 @@ use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
-use crate::geometry::{Point, centroid, squared_distance};
+use super::lists::{LISTED, List, NONE};
+use super::near::Near;
+use crate::geometry::{Point, RigidMotion, centroid, squared_distance};
 use crate::icp::options::IcpOptions;
-use crate::index::bounds::{Bounds, bounds};
 use crate::index::cells::Cells;
 use crate::index::hierarchy::Hierarchy;
 use crate::index::reach::reach_of;
-use crate::simd::BATCH;
+use crate::simd::{BATCH, Singles};
 
 const NEAR: usize = 40; // target points within a cell's width of each target point, about
-pub const LISTED: usize = 6; // near target points that are kept for a source point, at most
-pub const NONE: u32 = u32::MAX; // stands for no target point
 
 /// Source points near each other.
 pub struct Batch {
     pub count: usize,
     /// Source frame; lanes without a point repeat the first.
     pub points: [[f64; BATCH]; 3],
-    /// The same at the last pose.
-    pub moved: [[f64; BATCH]; 3],
-    /// Positions of the nearest target points in the cells' order; NONE if they are out of reach.
-    pub partners: [u32; BATCH],
-    /// All other target points are farther than this.
-    pub others: [f64; BATCH],
-    /// Positions of near target points, the partner among them, padded with NONE.
-    pub listed: [[u32; LISTED]; BATCH],
-    /// All target points that are not listed are farther than this.
-    pub beyond: [f64; BATCH],
+    /// Nearest target points, far from everything if they are out of reach.
+    pub targets: [[f64; BATCH]; 3],
+    /// Their positions in the cells' order as the bits of floats; NONE if they are out of reach.
+    pub partners: Singles,
+    /// Places of the last search, in the target's frame.
+    pub anchors: [[f64; BATCH]; 3],
+    /// Places where the partner was chosen.
+    pub last: [Singles; 3],
+    /// All other target points are farther from there than this.
+    pub others: Singles,
+    /// All target points that are not listed are farther from the anchor than this.
+    pub beyond: Singles,
+    /// Largest rounding error of a distance.
+    pub rounding: Singles,
 }
 
 /// Two clouds and their pairs.
@@ -40,12 +43,19 @@ pub struct Pairing {
     pub sorted: Vec<Point>,
     tree: OnceLock<Hierarchy>,
     pub batches: Vec<Batch>,
+    pub lists: Vec<List>,
+    /// Buffers of tasks that run in turn.
+    pub buffers: Near,
     pub source_points: usize,
-    pub reach: f64,
     /// The middle of the source, in its frame.
     pub center: Point,
-    /// Largest rounding error of a moved point.
-    pub rounding: f64,
+    /// The last pose.
+    pub pose: RigidMotion,
+    pub reach: f64,
+    /// Cells' widths in a metre.
+    pub unit: f64,
+    /// A little more than the reach, in single precision and cells.
+    pub within: f32,
 }
 
 impl Pairing {
@@ -55,11 +65,6 @@ impl Pairing {
         let sorted = cells.sorted();
         // sorted by their places at the start pose, because they will not move far
         let moved: Vec<Point> = source.par_iter().map(|&x| options.start.apply(x)).collect();
-        let largest = |points: &[Point]| {
-            let Bounds { low, high } = bounds(points);
-            low.iter().chain(&high).fold(0.0, |most: f64, x| most.max(x.abs()))
-        };
-        let rounding = 16.0 * f64::EPSILON * largest(source).max(largest(target)).max(largest(&moved));
         let places = Cells::new(&moved, cells.size());
         let near_each_other: Vec<Vec<u32>> = if places.is_crowded() {
             Hierarchy::new(moved.iter().copied()).order().chunks(BATCH).map(<[u32]>::to_vec).collect()
@@ -67,7 +72,7 @@ impl Pairing {
             let index = |&position: &u32| places.input_index(position as usize) as u32;
             places.batches().iter().map(|positions| positions.iter().map(index).collect()).collect()
         };
-        let batches = near_each_other
+        let batches: Vec<Batch> = near_each_other
             .into_iter()
             .map(|indices| {
                 let mut points = [[0.0; BATCH]; 3];
@@ -80,63 +85,77 @@ impl Pairing {
                 Batch {
                     count: indices.len(),
                     points,
-                    moved: points,
-                    partners: [NONE; BATCH],
+                    targets: [[f64::INFINITY; BATCH]; 3],
+                    partners: [f32::from_bits(NONE); BATCH],
+                    anchors: points,
+                    last: [[0.0; BATCH]; 3],
                     others: [-1.0; BATCH],
-                    listed: [[NONE; LISTED]; BATCH],
                     beyond: [-1.0; BATCH],
+                    rounding: [0.0; BATCH],
                 }
             })
             .collect();
+        let lists = vec![List::EMPTY; batches.len()];
         let reach = options.max_correspondence_distance;
-        let center = centroid(source);
+        let unit = 1.0 / cells.size();
         Self {
             cells,
             sorted,
             tree: OnceLock::new(),
             batches,
+            lists,
+            buffers: Near::default(),
             source_points: source.len(),
+            center: centroid(source),
+            pose: options.start,
             reach,
-            center,
-            rounding,
+            unit,
+            within: (reach * unit * (1.0 + 1e-6)) as f32,
         }
     }
 
-    /// Makes the nearest listed point the partner; returns whether no other point can be nearer.
-    #[inline(always)]
-    pub fn choose(&self, batch: &mut Batch, l: usize, moved: Point) -> bool {
-        let (mut best, mut position, mut next) = (f64::INFINITY, NONE, f64::INFINITY);
-        for &listed in &batch.listed[l] {
-            let Some(&target) = self.sorted.get(listed as usize) else { break };
+    /// Returns the position of the nearest of some target points, the first in the cells' order among equals; NONE if
+    /// there is none.
+    #[cold]
+    pub fn nearest_of(&self, positions: [u32; LISTED], moved: Point) -> u32 {
+        let (mut best, mut nearest) = (f64::INFINITY, NONE);
+        for position in positions {
+            let Some(&target) = self.sorted.get(position as usize) else { continue };
             let square = squared_distance(target, moved);
-            next = next.min(best.max(square));
-            let nearer = square < best || (square == best && listed < position);
-            position = if nearer { listed } else { position };
-            best = best.min(square);
+            if square < best || (square == best && position < nearest) {
+                (best, nearest) = (square, position);
+            }
         }
-        batch.partners[l] = position;
-        batch.others[l] = next.sqrt().min(batch.beyond[l]);
-        let none = best > self.reach * self.reach && self.reach < batch.beyond[l];
-        none || (position != NONE && is_below(best, batch.beyond[l]))
+        nearest
+    }
+
+    /// Notes the places of the partners of some lanes.
+    #[inline(always)]
+    pub fn take_targets(&self, batch: &mut Batch, mut lanes: u32) {
+        while lanes != 0 {
+            let l = lanes.trailing_zeros() as usize % BATCH;
+            lanes &= lanes - 1;
+            let target = self.target(batch.partners[l].to_bits()).unwrap_or([f64::INFINITY; 3]);
+            for k in 0..3 {
+                batch.targets[k][l] = target[k];
+            }
+        }
+    }
+
+    /// Returns the target point at a position, None for no point.
+    #[inline(always)]
+    pub fn target(&self, position: u32) -> Option<Point> {
+        self.sorted.get(position as usize).copied()
     }
 
     /// Finds the nearest target point by the tree; it is no farther than those at the `known` positions.
     #[cold]
-    pub fn search_tree(&self, moved: Point, known: [u32; 2]) -> (u32, f64) {
+    pub fn search_tree(&self, moved: Point, known: [u32; 2]) -> u32 {
         let tree = self.tree.get_or_init(|| Hierarchy::new(self.sorted.iter().copied()));
         let mut limit = self.reach * self.reach;
-        for target in known.iter().filter_map(|&position| self.sorted.get(position as usize)) {
-            limit = limit.min(1.001 * squared_distance(*target, moved));
+        for target in known.iter().filter_map(|&position| self.target(position)) {
+            limit = limit.min(1.001 * squared_distance(target, moved));
         }
-        let nearest = tree.nearest(moved, limit);
-        // a lower bound of zero for the distance to others is always true
-        (nearest.map_or(NONE, |position| position as u32), 0.0)
+        tree.nearest(moved, limit).map_or(NONE, |position| position as u32)
     }
-}
-
-/// Returns whether a squared distance is below the square of a distance; false if that is negative.
-#[inline(always)]
-pub fn is_below(square: f64, distance: f64) -> bool {
-    let distance = distance.max(0.0);
-    square < distance * distance
 }

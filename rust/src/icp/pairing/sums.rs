@@ -56,7 +56,6 @@ pub(super) fn add_pairs(
     half: usize,
     moved: &[[f64; BATCH]; 3],
     targets: &[[f64; BATCH]; 3],
-    paired: &[bool; BATCH],
     origin: Point,
     limit: f64,
 ) {
@@ -65,14 +64,14 @@ pub(super) fn add_pairs(
         let l = half * LANES + lane;
         let d = [targets[0][l] - moved[0][l], targets[1][l] - moved[1][l], targets[2][l] - moved[2][l]];
         let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-        let within = paired[l] & (squared <= limit);
-        let weight = if within { 1.0 } else { 0.0 };
+        let within = squared <= limit;
         let m = [moved[0][l] - origin[0], moved[1][l] - origin[1], moved[2][l] - origin[2]];
-        let m = [weight * m[0], weight * m[1], weight * m[2]];
+        let kept = |x: f64| if within { x } else { 0.0 };
+        let m = [kept(m[0]), kept(m[1]), kept(m[2])];
         let t = [targets[0][l] - origin[0], targets[1][l] - origin[1], targets[2][l] - origin[2]];
-        let t = [weight * t[0], weight * t[1], weight * t[2]];
-        terms[0][lane] = weight;
-        terms[1][lane] = weight * squared;
+        let t = [kept(t[0]), kept(t[1]), kept(t[2])];
+        terms[0][lane] = if within { 1.0 } else { 0.0 };
+        terms[1][lane] = if within { squared } else { 0.0 };
         for k in 0..3 {
             terms[2 + k][lane] = m[k];
             terms[5 + k][lane] = t[k];
