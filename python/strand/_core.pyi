@@ -9,18 +9,19 @@ from typing_extensions import Unpack
 
 # fmt: off
 __all__ = [
-    "EndObservation", "IcpResult", "ImageFit", "NotEnoughDataError", "RopeImages", "RopeMask", "StrandError",
-    "TubeFit", "TubeQueries", "Visibility", "__version__", "bridge", "centerline", "convert_to_lab",
-    "convolved", "copy_constant", "copy_depth", "count_cores", "count_mask_parts", "count_neighbors",
-    "count_neighbors_each", "count_typical_neighbors", "count_voxels", "crop_images", "crop_points",
-    "draw_knot", "draw_ropes", "end_direction", "estimate_normals", "estimate_normals_each", "estimate_radii",
-    "evaluate_spline", "find_color_pieces", "find_crossed_segments", "find_extents", "find_linking_number",
-    "find_median", "find_nearest", "find_order_probability", "find_overlaps", "find_plane",
-    "find_short_outlines", "find_squared_distances", "find_standing", "find_strip_middles", "find_tabletop",
-    "find_values_near", "fit_spline", "fit_tubes", "icp", "identify_knot", "measure_behind",
-    "measure_bending", "measure_depth_bends", "measure_edge_distances", "measure_heights",
-    "measure_linear_scatter", "measure_plane_errors", "measure_variances", "num_threads", "number_blobs",
-    "occludes", "path_length", "price_join", "radius_outlier_mask", "register_in_turn", "set_num_threads",
+    "EndObservation", "IcpResult", "ImageFit", "NotEnoughDataError", "RopeImages", "RopeMask",
+    "StrandError", "TubeFit", "TubeQueries", "Visibility", "__version__", "bridge", "centerline",
+    "convert_to_lab", "convolved", "copy_constant", "copy_depth", "count_cores", "count_mask_parts",
+    "count_neighbors", "count_neighbors_each", "count_odd_pixels", "count_typical_neighbors",
+    "count_voxels", "crop_images", "crop_points", "draw_knot", "draw_ropes", "end_direction",
+    "estimate_normals", "estimate_normals_each", "estimate_radii", "evaluate_spline", "find_color_pieces",
+    "find_crossed_segments", "find_extents", "find_linking_number", "find_median", "find_nearest",
+    "find_order_probability", "find_overlaps", "find_pieces_beside", "find_plane", "find_short_outlines",
+    "find_squared_distances", "find_standing", "find_strip_middles", "find_tabletop", "find_values_near",
+    "fit_spline", "fit_tubes", "icp", "identify_knot", "measure_behind", "measure_bending",
+    "measure_depth_bends", "measure_edge_distances", "measure_heights", "measure_linear_scatter",
+    "measure_plane_errors", "measure_variances", "num_threads", "number_blobs", "occludes", "path_length",
+    "price_join", "radius_outlier_mask", "register_in_turn", "select_beside", "set_num_threads",
     "straighten", "tabulate_arc_length", "trace_chains", "trace_skeleton", "trace_tubes", "track_frame",
     "unproject",
 ]
@@ -430,6 +431,18 @@ def draw_ropes(
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]: ...
 def count_mask_parts(mask: _Bools, piece: float, hole: float) -> tuple[int, int, int]: ...
 def number_blobs(mask: _Bools) -> _Ints: ...
+def count_odd_pixels(mask: _Bools) -> tuple[int, int]: ...
+def select_beside(
+    mask: _Bools, depth: ArrayLike, reach: SupportsIndex, margin: SupportsIndex, count: float
+) -> tuple[_Ints, _Ints, _Floats]: ...
+def find_pieces_beside(
+    chosen: _Bools,
+    mask: _Bools,
+    reach: float,
+    unit: float,
+    limits: tuple[float, float],
+    margin: SupportsIndex,
+) -> list[tuple[tuple[int, int], _Bools]]: ...
 def find_strip_middles(mask: _Bools, least: float) -> tuple[_Ints, NDArray[np.float32], _Ints]: ...
 def measure_edge_distances(mask: _Bools, most: SupportsIndex) -> NDArray[np.float32]: ...
 def find_short_outlines(

@@ -3,9 +3,11 @@
 //! A length in "image radii" is relative to `radius_px`, the rope's radius in the image; in "radii" it is relative to
 //! the rope's radius in space.
 
+pub mod beside;
+pub mod bits;
 pub mod color;
 pub mod distances;
-mod field;
+mod edge_distances;
 pub mod heights;
 pub mod image;
 pub mod imagefit;
@@ -17,6 +19,7 @@ pub mod planes;
 pub mod readings;
 mod relief;
 pub mod rope_mask;
+mod runs;
 pub mod silhouette;
 pub mod strips;
 pub mod strokes;

@@ -132,6 +132,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(masks::convolved, module)?)?;
     module.add_function(wrap_pyfunction!(masks::count_mask_parts, module)?)?;
     module.add_function(wrap_pyfunction!(masks::number_blobs, module)?)?;
+    module.add_function(wrap_pyfunction!(masks::count_odd_pixels, module)?)?;
+    module.add_function(wrap_pyfunction!(masks::select_beside, module)?)?;
+    module.add_function(wrap_pyfunction!(masks::find_pieces_beside, module)?)?;
     module.add_function(wrap_pyfunction!(masks::find_strip_middles, module)?)?;
     module.add_function(wrap_pyfunction!(masks::measure_edge_distances, module)?)?;
     module.add_function(wrap_pyfunction!(masks::find_short_outlines, module)?)?;

@@ -6,9 +6,13 @@
 
 use std::ops::Range;
 
+use super::bits::Bits;
 use super::image::{Image, find_next};
+use super::runs::Mask;
 use crate::parallel;
 use crate::simd::kernel;
+
+const PIXELS_PER_TASK: usize = 1024; // chosen pixels that one task works on
 
 /// Returns the distance of each `of` pixel to the nearest other pixel, between pixel centres; 0 for the other pixels.
 ///
@@ -26,29 +30,23 @@ pub fn measure_distances(image: &Image<bool>, of: bool, most: usize) -> Image<f3
     found
 }
 
-/// Returns the distance of chosen pixels of a mask, ascending, to the nearest pixel outside it.
-pub fn measure_depths(mask: &Image<bool>, pixels: &[usize]) -> Vec<f32> {
-    let (w, h) = (mask.width, mask.height);
-    let many = parallel::count_rows(w);
-    let bands: Vec<Range<usize>> = (0..h).step_by(many).map(|first| first..(first + many).min(h)).collect();
-    let columns = Columns::new(mask, true, h, &bands);
-    let numbers: Vec<usize> = (0..bands.len()).collect();
-    let found = parallel::map(&numbers, |&k| {
-        let rows = &columns.bands[k];
-        let own =
-            pixels.partition_point(|&i| i < rows.start * w)..pixels.partition_point(|&i| i < rows.end * w);
-        let along = if own.is_empty() { Vec::new() } else { columns.along(k) };
-        let depths = pixels[own].iter().map(|&i| {
-            let (row, x) = (&along[(i / w - rows.start) * w..][..w], i % w);
-            let square = |away: usize, down: u16| away * away + usize::from(down) * usize::from(down);
-            let mut least = square(0, row[x]);
-            for away in 1..w {
-                if away * away >= least {
+/// Returns the distance of chosen pixels of a mask to the nearest pixel outside it.
+pub fn measure_depths(mask: &Bits, pixels: &[usize]) -> Vec<f32> {
+    let [w, h] = mask.size();
+    let parts: Vec<&[usize]> = pixels.chunks(PIXELS_PER_TASK).collect();
+    let found = parallel::map(&parts, |part| {
+        let depths = part.iter().map(|&k| {
+            let (x, y) = (k % w, k / w);
+            let mut least = usize::MAX;
+            for down in 0..h {
+                if down * down >= least {
                     break;
                 }
-                let sides = [x.checked_sub(away), Some(x + away).filter(|&x| x < w)];
-                for side in sides.into_iter().flatten() {
-                    least = least.min(square(away, row[side]));
+                for row in [y.checked_sub(down), Some(y + down).filter(|&row| row < h)].into_iter().flatten()
+                {
+                    if let Some(across) = mask.measure_across(row, x) {
+                        least = least.min(across * across + down * down);
+                    }
                 }
             }
             (least as f32).sqrt()
@@ -58,8 +56,15 @@ pub fn measure_depths(mask: &Image<bool>, pixels: &[usize]) -> Vec<f32> {
     found.concat()
 }
 
+/// Returns the distances of some rows of an image, as [`measure_distances`] does, but on this thread alone.
+pub fn measure_rows(image: &Image<bool>, of: bool, most: usize, rows: Range<usize>) -> Vec<f32> {
+    let mut found = vec![0.0; rows.len() * image.width];
+    Columns::new(image, of, most, &[rows]).measure(0, &mut found);
+    found
+}
+
 /// Distances of `of` pixels along the columns of an image to the nearest other pixel, at most `far`, band by band.
-pub struct Columns<'a> {
+struct Columns<'a> {
     image: &'a Image<bool>,
     of: bool,
     far: u16,
@@ -70,7 +75,7 @@ pub struct Columns<'a> {
 
 impl<'a> Columns<'a> {
     /// Prepares bands of rows, which ascend and may overlap.
-    pub fn new(image: &'a Image<bool>, of: bool, most: usize, bands: &'a [Range<usize>]) -> Self {
+    fn new(image: &'a Image<bool>, of: bool, most: usize, bands: &'a [Range<usize>]) -> Self {
         let far = most.clamp(1, usize::from(u16::MAX) - 2) as u16 + 1;
         let mut beside = vec![[vec![far; image.width], vec![far; image.width]]; bands.len()];
         let (firsts, lasts) = (bands.iter().map(|band| band.start), bands.iter().map(|band| band.end));
@@ -85,10 +90,8 @@ impl<'a> Columns<'a> {
         }
         let [mut above, mut below] = states;
         below.reverse();
-        parallel::both(
-            || sweep(image, of, far, false, &mut above),
-            || sweep(image, of, far, true, &mut below),
-        );
+        sweep(image, of, far, false, &mut above);
+        sweep(image, of, far, true, &mut below);
         Self { image, of, far, bands, beside }
     }
 
@@ -107,7 +110,7 @@ impl<'a> Columns<'a> {
     }
 
     /// Finds the distances of a band's `of` pixels, and leaves the others as they are.
-    pub fn measure(&self, band: usize, to: &mut [f32]) {
+    fn measure(&self, band: usize, to: &mut [f32]) {
         let along = self.along(band);
         find_nearest(self.image, &along, self.of, self.far, self.bands[band].start, to);
     }
@@ -301,6 +304,6 @@ mod tests {
         }
         let chosen: Vec<usize> = (0..image.values.len()).filter(|&k| image.values[k] && k % 7 == 0).collect();
         let depths: Vec<f32> = chosen.iter().map(|&k| whole.values[k]).collect();
-        assert_eq!(measure_depths(&image, &chosen), depths);
+        assert_eq!(measure_depths(&Bits::pack(&image.values, image.width), &chosen), depths);
     }
 }

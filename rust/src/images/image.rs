@@ -1,9 +1,13 @@
 //! Images of numbers: smoothing and blobs.
 
+use std::ops::Range;
+
+use crate::images::bits::{Bits, WORD_PIXELS, pack};
+use crate::images::runs::Mask;
 use crate::parallel;
 use crate::simd::kernel;
 
-const MANY: usize = 64; // pixels that are looked at together
+const MANY: usize = WORD_PIXELS; // pixels that are looked at together
 
 /// An image of `width` columns, row by row.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,10 +31,12 @@ impl<T: Copy> Image<T> {
 impl Image<f32> {
     /// Magnifies numbers of at least 0 by a whole number, bilinearly, and returns where the result is above a level of at
     /// least 0.
-    pub fn magnified(&self, scale: usize, level: f32) -> Image<bool> {
-        let (w, h) = (self.width * scale, self.height * scale);
-        let mut made = Image::filled(w, h, false);
-        parallel::rows(&mut made.values, w, |first, part| magnify(self, scale, level, first, part));
+    pub fn magnified(&self, scale: usize, level: f32) -> Bits {
+        let mut made = Bits::new(self.width * scale, self.height * scale);
+        let stride = made.stride;
+        parallel::rows(made.rows_mut(), stride, |first, part| {
+            magnify(self, scale, level, first, stride, part)
+        });
         made
     }
 
@@ -44,11 +50,6 @@ impl Image<f32> {
         let mut values = vec![0.0f32; self.values.len()];
         parallel::rows(&mut values, self.width, |first, part| smooth(self, kernel, first, part));
         Self { width: self.width, height: self.height, values }
-    }
-
-    /// Convolves so, but only rows from `first` on.
-    pub fn convolve_rows(&self, kernel: &[f32], first: usize, to: &mut [f32]) {
-        smooth(self, kernel, first, to);
     }
 }
 
@@ -64,7 +65,7 @@ pub fn smoothing_kernel(deviation: f64) -> Vec<f32> {
 
 kernel! {
     /// Fills rows of [`Image::magnified`], from row `first` on.
-    fn magnify<S>(_, image: &Image<f32>, scale: usize, level: f32, first: usize, to: &mut [bool]) {
+    fn magnify<S>(_, image: &Image<f32>, scale: usize, level: f32, first: usize, stride: usize, to: &mut [u64]) {
         let w = image.width * scale;
         // the first of two pixels, and the second one's weight
         let between = |i: usize, count: usize| {
@@ -88,7 +89,7 @@ kernel! {
             }
         };
         let (mut above, mut below, mut current) = (vec![0.0; w], vec![0.0; w], usize::MAX);
-        for (n, to) in to.chunks_exact_mut(w).enumerate() {
+        for (n, to) in to.chunks_exact_mut(stride).enumerate() {
             let (j, b) = between(first + n, image.height);
             if j != current {
                 if current != usize::MAX && j == current + 1 {
@@ -99,11 +100,13 @@ kernel! {
                 widen(j + 1, &mut below);
                 current = j;
             }
-            for ((to, above), below) in to.chunks_mut(MANY).zip(above.chunks(MANY)).zip(below.chunks(MANY)) {
+            for ((word, above), below) in to.iter_mut().zip(above.chunks(MANY)).zip(below.chunks(MANY)) {
                 if above.iter().zip(below).fold(false, |any, (&a, &b)| any | (a > 0.0) | (b > 0.0)) {
-                    for ((value, above), below) in to.iter_mut().zip(above).zip(below) {
+                    let mut values = [false; MANY];
+                    for ((value, above), below) in values.iter_mut().zip(above).zip(below) {
                         *value = (above * (1.0 - b) + below * b) as f32 > level;
                     }
+                    *word = pack(&values);
                 }
             }
         }
@@ -148,6 +151,21 @@ kernel! {
     }
 }
 
+impl Mask for Image<bool> {
+    fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
+    #[inline]
+    fn find_next(&self, row: usize, from: usize, value: bool) -> usize {
+        find_next(&self.values[row * self.width..][..self.width], from, value)
+    }
+
+    fn fill(&mut self, row: usize, columns: Range<usize>, value: bool) {
+        self.values[row * self.width..][columns].fill(value);
+    }
+}
+
 /// Consecutive pixels of a row in one blob.
 #[derive(Debug, Clone)]
 pub struct Run {
@@ -166,18 +184,19 @@ pub struct Blobs {
 }
 
 /// Finds the blobs of pixels with the value `of`; `diagonal` says whether diagonal neighbours are connected.
-pub fn find_blobs(image: &Image<bool>, of: bool, diagonal: bool) -> Blobs {
+pub fn find_blobs(image: &impl Mask, of: bool, diagonal: bool) -> Blobs {
     let reach = usize::from(diagonal);
     let mut runs: Vec<Run> = Vec::new();
     // each run's parent in a tree of touching runs; roots are their own parents
     let mut parents: Vec<usize> = Vec::new();
     let mut above = 0..0;
-    for (row, values) in image.values.chunks_exact(image.width.max(1)).enumerate() {
+    let [width, height] = image.size();
+    for row in 0..height {
         let first = runs.len();
         let mut near = above.start;
-        let mut begin = find_next(values, 0, of);
-        while begin < values.len() {
-            let end = find_next(values, begin, !of);
+        let mut begin = image.find_next(row, 0, of);
+        while begin < width {
+            let end = image.find_next(row, begin, !of);
             let number = runs.len();
             parents.push(number);
             while near < above.end && runs[near].end + reach <= begin {
@@ -190,7 +209,7 @@ pub fn find_blobs(image: &Image<bool>, of: bool, diagonal: bool) -> Blobs {
                 touching += 1;
             }
             runs.push(Run { row, begin, end, blob: 0 });
-            begin = find_next(values, end, of);
+            begin = image.find_next(row, end, of);
         }
         above = first..runs.len();
     }
@@ -210,7 +229,7 @@ pub fn find_blobs(image: &Image<bool>, of: bool, diagonal: bool) -> Blobs {
 }
 
 /// Returns the first position from `from` on with a value, or the length if there is none.
-pub(super) fn find_next(values: &[bool], from: usize, value: bool) -> usize {
+pub fn find_next(values: &[bool], from: usize, value: bool) -> usize {
     const MANY: usize = 32; // values that are looked at together
     let mut at = from;
     // without an early exit, many at once

@@ -25,24 +25,16 @@ pub struct Relief {
 }
 
 impl Relief {
-    /// Fits the pixels of `ropes` in a range of columns and rows; None if too few have depth.
+    /// Fits the pixels of ropes, their columns, rows and depths row by row, in a range of columns and rows; None if too
+    /// few have depth.
     pub fn new(
-        depth: &[f64],
-        width: usize,
-        ropes: impl Fn(usize, usize) -> bool,
+        ropes: impl Iterator<Item = [f64; 3]>,
         low: [usize; 2],
         high: [usize; 2],
         radius_px: f64,
     ) -> Option<Self> {
-        let mut seen: Vec<[f64; 3]> = Vec::new();
-        for y in low[1]..high[1] {
-            for x in low[0]..high[0] {
-                let z = depth[y * width + x];
-                if ropes(x, y) && has_return(z) {
-                    seen.push([x as f64, y as f64, 1.0 / z]);
-                }
-            }
-        }
+        let seen: Vec<[f64; 3]> =
+            ropes.filter(|&[.., z]| has_return(z)).map(|[x, y, z]| [x, y, 1.0 / z]).collect();
         if (seen.len() as f64) < MIN_AREA * radius_px * radius_px {
             return None;
         }

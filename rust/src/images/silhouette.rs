@@ -2,15 +2,14 @@
 //!
 //! All of this is lateral evidence: where the rope is in the image, to a fraction of a pixel, independent of depth.
 
-use std::ops::Range;
-
-use crate::images::distances::Columns;
-use crate::images::field::{Field, Tiles};
-use crate::images::image::{Image, smoothing_kernel};
+use crate::images::bits::Bits;
+use crate::images::edge_distances::{EdgeDistances, SIDE};
+use crate::images::image::Image;
+use crate::images::runs::Mask;
 use crate::images::strokes::{Filled, Strokes, find_scale, measure_shown_radius};
 use crate::images::surroundings::{Ropes, Shown, Surroundings};
+use crate::images::thinning::find_skeleton;
 use crate::parallel;
-use crate::simd::kernel;
 
 /// A place on the edge of a mask.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,54 +22,8 @@ pub struct Edge {
     pub weight: f64,
 }
 
-/// Returns the signed distance of a magnified mask's pixels from its edge, positive inside, original pixels, and the same
-/// slightly smoothed, for gradients. Distances outside are exact up to `reach` pixels, and known up to `KNOWN` times that.
-fn measure_signed(filled: &Filled, reach: usize) -> [Field; 2] {
-    let (inside, scale) = (&filled.inside, filled.scale as f32);
-    let (w, h) = (inside.width, inside.height);
-    let kernel = smoothing_kernel(1.0);
-    let rows = Field::list_rows(h, parallel::count_rows(w));
-    let halo = kernel.len() - 1;
-    let bands: Vec<Range<usize>> =
-        rows.iter().map(|rows| rows.start.saturating_sub(halo)..(rows.end + 1 + halo).min(h)).collect();
-    let (inner, outer) = parallel::both(
-        || Columns::new(inside, true, h, &bands),
-        || Columns::new(inside, false, reach, &bands),
-    );
-    let least = -KNOWN * reach as f32 / scale;
-    let numbers: Vec<usize> = (0..rows.len()).collect();
-    let tiles = parallel::map(&numbers, |&k| {
-        let (rows, band) = (rows[k].clone(), &bands[k]);
-        let mut signed = vec![0.0; band.len() * w];
-        let mut outside = vec![0.0; band.len() * w];
-        inner.measure(k, &mut signed);
-        outer.measure(k, &mut outside);
-        join_sides(&mut signed, &outside, scale);
-        let (first, more) = (rows.start - band.start, (rows.end + 1).min(h) - rows.start);
-        let signed = Image { width: w, height: band.len(), values: signed };
-        let mut smooth = vec![0.0; more * w];
-        signed.convolve_rows(&kernel, first, &mut smooth);
-        let signed = &signed.values[first * w..(first + more) * w];
-        let chosen = Tiles::choose(signed, w, rows.clone(), least);
-        [Tiles::new(signed, w, rows.clone(), chosen.clone()), Tiles::new(&smooth, w, rows, chosen)]
-    });
-    let (signed, smooth): (Vec<Tiles>, Vec<Tiles>) = tiles.into_iter().map(|[a, b]| (a, b)).unzip();
-    [signed, smooth].map(|tiles| Field::new([w, h], tiles, least))
-}
-
-kernel! {
-    /// Turns the distances of a magnified mask's pixels from others into signed ones, original pixels.
-    fn join_sides<S>(_, inside: &mut [f32], outside: &[f32], scale: f32) {
-        for (value, outside) in inside.iter_mut().zip(outside) {
-            // the edge runs between the pixels
-            let inner = (*value - 0.5).max(0.0) / scale;
-            *value = if inner > 0.0 { inner } else { (0.5 - outside) / scale };
-        }
-    }
-}
-
 /// A mask with the distances from its edge. Columns and rows are those of the original image.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Silhouette {
     /// The rope's radius in the image, pixels.
     pub radius_px: f64,
@@ -81,18 +34,14 @@ pub struct Silhouette {
     /// The mask, with a margin around it.
     pub(crate) mask: Image<bool>,
     pub(crate) strokes: Strokes,
-    /// Signed distance, positive inside, original pixels.
-    signed: Field,
-    /// The signed distance, slightly smoothed, for gradients.
-    smooth: Field,
+    distances: EdgeDistances,
     /// Raggedness of the mask, 0 to 1.
     pub ragged: f64,
     /// The depth beside it, if known.
     surroundings: Option<Surroundings>,
 }
 
-const EXACT: f64 = 5.0; // distances outside the mask are exact up to this and 4 pixels, image radii
-const KNOWN: f32 = 4.0; // times as far: farther places outside the mask count as this far
+const FAR: [f64; 2] = [20.0, 16.0]; // farther places outside the mask count as this far: image radii, and pixels more
 const MAX_SHRUNK: f64 = 0.7; // distance by which masks are too narrow at most, pixels
 const MAX_GROWN: f64 = 2.0; // distance by which masks are too wide at most, pixels
 const MAX_GROWN_WIDE: f64 = 1.0; // the same for masks that may show two ropes side by side, pixels
@@ -107,32 +56,28 @@ impl Silhouette {
     /// Specks are removed and small holes filled. A mask with many of both is ragged: its edge is smoothed more, and
     /// larger holes are filled.
     pub fn new(mask: &[bool], width: usize, radius_px: f64, scale: usize) -> Option<Self> {
-        let filled = Filled::new(mask, width, radius_px, scale)?;
-        let [w, h] = [filled.inside.width / scale, filled.inside.height / scale];
-        let reach = ((EXACT * radius_px + 4.0) * scale as f64).ceil() as usize;
-        let (strokes, [signed, smooth]) =
-            parallel::both(|| Strokes::new(&filled), || measure_signed(&filled, reach));
+        let Filled { inside, origin, ragged, .. } = Filled::new(&Bits::pack(mask, width), radius_px, scale)?;
+        let [w, h] = inside.size().map(|n| n / scale);
+        let most = ((FAR[0] * radius_px + FAR[1]) * scale as f64).ceil() as usize;
+        let distances = EdgeDistances::new(inside, scale, most);
+        let step = ((radius_px / 3.0).round() as usize).max(1);
+        // pixels half a step from the edge, and those at their centres
+        let (skeleton, edges) =
+            parallel::both(|| find_skeleton(distances.mask()), || distances.find_edges(step * scale));
+        let depths =
+            skeleton.iter().map(|k| distances.at(k % (w * scale), k / (w * scale)).max(0.0)).collect();
+        let strokes = Strokes { size: [w * scale, h * scale], skeleton, depths, scale, origin };
         let mut made = Self {
             radius_px,
             shown_px: radius_px,
             boundary: Vec::new(),
             mask: Image::filled(w, h, false),
             strokes,
-            signed,
-            smooth,
-            ragged: filled.ragged,
+            distances,
+            ragged,
             surroundings: None,
         };
-        let mut away = Image::filled(w, h, 0.0);
-        parallel::rows(&mut away.values, w, |first, part| {
-            for (row, y) in part.chunks_exact_mut(w).zip(first..) {
-                for (away, x) in row.iter_mut().zip(0..) {
-                    *away = made.pixel_distance(x, y);
-                }
-            }
-        });
-        made.mask.values = away.values.iter().map(|&away| away > 0.0).collect();
-        made.find_boundary(&away);
+        made.find_boundary(&edges, step);
         Some(made)
     }
 
@@ -173,35 +118,50 @@ impl Silhouette {
         }
     }
 
-    /// Projects the pixels near the edge, from which they are `away`, onto it: one for each pixel of edge, or for each
-    /// third of the radius of a thicker rope.
-    fn find_boundary(&mut self, away: &Image<f64>) {
-        let step = ((self.radius_px / 3.0).round() as usize).max(1);
-        let near = 0.5 * step as f64;
-        for y in (0..away.height).step_by(step) {
-            for x in (0..away.width).step_by(step) {
-                let away = away.at(x, y);
-                if away.abs() > near {
-                    continue;
+    /// Finds the mask's pixels, and projects those near the edge onto it: one for each pixel of edge, or for each third of
+    /// the radius of a thicker rope, `step`. `edges` tells which tiles of distances have edges.
+    fn find_boundary(&mut self, edges: &[bool], step: usize) {
+        let (near, scale, first) = (0.5 * step as f64, self.strokes.scale, (self.strokes.scale - 1) / 2);
+        let [w, h] = [self.mask.width, self.mask.height];
+        for y in 0..h {
+            let mut begin = 0;
+            while begin < w {
+                // pixels with their centres in one tile
+                let centre = [begin * scale + first, y * scale + first];
+                let end = ((centre[0] | (SIDE - 1)) + 1 - first).div_ceil(scale).min(w);
+                let own = y * w + begin..y * w + end;
+                if edges[self.distances.number(centre[0], centre[1])] {
+                    for x in begin..end {
+                        let away = self.pixel_distance(x, y);
+                        self.mask.values[y * w + x] = away > 0.0;
+                        if away.abs() <= near && x % step == 0 && y % step == 0 {
+                            self.boundary.extend(self.project(x, y, away, step as f64));
+                        }
+                    }
+                } else {
+                    self.mask.values[own].fill(self.distances.mask().at(centre[0], centre[1]));
                 }
-                let at = [x as f64 + self.strokes.origin[0], y as f64 + self.strokes.origin[1]];
-                let gradient = self.gradient(at);
-                let norm = (gradient[0] * gradient[0] + gradient[1] * gradient[1]).sqrt();
-                if norm < 0.2 {
-                    continue;
-                }
-                let normal = [-gradient[0] / norm, -gradient[1] / norm];
-                let edge = [at[0] + away * normal[0], at[1] + away * normal[1]];
-                self.boundary.push(Edge { at: edge, normal, weight: step as f64 });
+                begin = end;
             }
         }
+    }
+
+    /// Projects a pixel, which is `away` from the edge, onto it; None if it is not clear where the edge is.
+    fn project(&self, x: usize, y: usize, away: f64, weight: f64) -> Option<Edge> {
+        let at = [x as f64 + self.strokes.origin[0], y as f64 + self.strokes.origin[1]];
+        let gradient = self.gradient(at);
+        let norm = (gradient[0] * gradient[0] + gradient[1] * gradient[1]).sqrt();
+        (norm >= 0.2).then(|| {
+            let normal = [-gradient[0] / norm, -gradient[1] / norm];
+            Edge { at: [at[0] + away * normal[0], at[1] + away * normal[1]], normal, weight }
+        })
     }
 
     /// Returns the signed distance of a place from the edge, pixels, positive inside.
     #[inline]
     pub fn distance(&self, uv: [f64; 2]) -> f64 {
         let [x, y] = self.magnified(uv);
-        self.signed.between(x, y)
+        self.distances.between(x, y)
     }
 
     /// Returns the signed distance of the centre of a pixel of the frame.
@@ -210,7 +170,7 @@ impl Silhouette {
         // the first and the last of the magnified pixels at the centre
         let (first, last) = ((self.strokes.scale - 1) / 2, self.strokes.scale / 2);
         let (i, j) = (x * self.strokes.scale, y * self.strokes.scale);
-        let at = |x: usize, y: usize| f64::from(self.signed.at(i + x, j + y));
+        let at = |x: usize, y: usize| f64::from(self.distances.at(i + x, j + y));
         if first == last {
             return at(first, first);
         }
@@ -228,8 +188,8 @@ impl Silhouette {
         let [x, y] = self.magnified(uv);
         let step = 0.5 * self.strokes.scale as f64;
         [
-            self.smooth.between(x + step, y) - self.smooth.between(x - step, y),
-            self.smooth.between(x, y + step) - self.smooth.between(x, y - step),
+            self.distances.between_smooth(x + step, y) - self.distances.between_smooth(x - step, y),
+            self.distances.between_smooth(x, y + step) - self.distances.between_smooth(x, y - step),
         ]
     }
 

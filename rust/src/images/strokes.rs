@@ -1,7 +1,10 @@
 //! Masks without specks and holes, and the middles of their strands.
 
+use super::bits::Bits;
 use super::distances::measure_depths;
 use super::image::{Blobs, Image, Run, find_blobs};
+use super::parts::{fill_holes, turn_blobs};
+use super::runs::Mask;
 use super::thinning::find_skeleton;
 
 const PAD: usize = 6; // margin around the mask, pixels
@@ -21,7 +24,7 @@ pub struct Strokes {
     /// The skeleton of the mask: indices into the magnified image, ascending.
     pub(crate) skeleton: Vec<usize>,
     /// Distances of these pixels inside the mask from its edge, original pixels.
-    depths: Vec<f32>,
+    pub(super) depths: Vec<f32>,
     /// The magnification.
     pub(crate) scale: usize,
     /// Original column and row of the magnified image's corner.
@@ -36,7 +39,7 @@ impl Strokes {
         let depths = measure_depths(inside, &skeleton);
         // the edge runs between the pixels
         let depths = depths.into_iter().map(|inner| (inner - 0.5).max(0.0) / *scale as f32).collect();
-        Self { size: [inside.width, inside.height], skeleton, depths, scale: *scale, origin: *origin }
+        Self { size: inside.size(), skeleton, depths, scale: *scale, origin: *origin }
     }
 
     /// Returns the distance of a pixel of the skeleton from the mask's edge, original pixels.
@@ -56,7 +59,7 @@ impl Strokes {
 #[derive(Debug)]
 pub struct Filled {
     /// The mask, magnified.
-    pub(crate) inside: Image<bool>,
+    pub(crate) inside: Bits,
     /// The magnification.
     pub(crate) scale: usize,
     /// Original column and row of the magnified image's corner.
@@ -66,16 +69,16 @@ pub struct Filled {
 }
 
 impl Filled {
-    /// Prepares the mask of an image of `width` columns; None if it is empty without specks.
-    pub fn new(mask: &[bool], width: usize, radius_px: f64, scale: usize) -> Option<Self> {
-        let (origin, small, ragged) = remove_specks(mask, width, radius_px * radius_px)?;
+    /// Prepares the mask of an image; None if it is empty without specks.
+    pub fn new(mask: &Bits, radius_px: f64, scale: usize) -> Option<Self> {
+        let (origin, small, ragged) = remove_specks(mask, radius_px * radius_px)?;
         let mut inside =
             small.smoothed(SMOOTHING + ragged * RAGGED_SMOOTHING * radius_px).magnified(scale, 0.5);
         let area = radius_px * radius_px * (scale * scale) as f64;
         let filled = (MAX_HOLE + ragged * RAGGED_HOLE) * area;
-        inside.fill_holes(|size| (size as f64) < filled);
-        inside.turn_blobs(true, true, |size| (size as f64) < MAX_SPECK * area);
-        inside.values.contains(&true).then_some(Self { inside, scale, origin, ragged })
+        fill_holes(&mut inside, |size| (size as f64) < filled);
+        turn_blobs(&mut inside, true, true, |size| (size as f64) < MAX_SPECK * area);
+        inside.words.iter().any(|&word| word != 0).then_some(Self { inside, scale, origin, ragged })
     }
 }
 
@@ -110,12 +113,8 @@ pub(crate) fn find_scale_of_widths(radius_px: f64) -> usize {
 
 /// Removes specks and cuts the mask to what remains, with a margin. Returns the corner's column and row, the mask, and
 /// how ragged it is, 0 to 1.
-fn remove_specks(mask: &[bool], width: usize, square: f64) -> Option<([f64; 2], Image<f32>, f64)> {
-    if width == 0 || mask.len() < width {
-        return None;
-    }
-    let whole = Image { width, height: mask.len() / width, values: mask.to_vec() };
-    let found = find_blobs(&whole, true, true);
+fn remove_specks(mask: &Bits, square: f64) -> Option<([f64; 2], Image<f32>, f64)> {
+    let found = find_blobs(mask, true, true);
     let kept = |run: &Run| found.sizes[run.blob] as f64 >= MAX_SPECK * square;
     let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
     let mut counts = [0usize; 2];
@@ -130,17 +129,17 @@ fn remove_specks(mask: &[bool], width: usize, square: f64) -> Option<([f64; 2], 
         return None;
     }
     let (w, h) = (high[0] - low[0] + 1 + 2 * PAD, high[1] - low[1] + 1 + 2 * PAD);
-    let mut cut = Image::filled(w, h, false);
+    let (mut cut, mut made) = (Bits::new(w, h), Image::filled(w, h, 0.0f32));
     for run in found.runs.iter().filter(|run| kept(run)) {
-        let start = (run.row - low[1] + PAD) * w + PAD - low[0];
-        cut.values[start + run.begin..start + run.end].fill(true);
+        let (row, columns) = (run.row + PAD - low[1], run.begin + PAD - low[0]..run.end + PAD - low[0]);
+        made.values[row * w..][columns.clone()].fill(1.0);
+        cut.fill(row, columns, true);
     }
     let holes = find_blobs(&cut, false, false);
     let lost: usize = find_compact(&holes).filter(|&size| (size as f64) < square).sum();
     let ragged = ((counts[0] + lost) as f64 / counts[1] as f64 / RAGGED).min(1.0);
-    let values = cut.values.iter().map(|&m| f32::from(u8::from(m))).collect();
     let origin = [low[0] as f64 - PAD as f64, low[1] as f64 - PAD as f64];
-    Some((origin, Image { width: w, height: h, values }, ragged))
+    Some((origin, made, ragged))
 }
 
 /// Returns the sizes of blobs that are about as wide as long. Narrow ones are gaps between strands, not holes that a

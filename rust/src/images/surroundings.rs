@@ -153,8 +153,19 @@ impl Surroundings {
         let (reach, size) = (RANGE * radius_px, [width, depth.len() / width.max(1)]);
         let low = corner.map(|c| (c - reach).max(0.0) as usize);
         let high = [0, 1].map(|c| ((corner[c] + frame[c] as f64 + reach) as usize).min(size[c]));
-        let on_rope = |x: usize, y: usize| mask[y * width + x] && inside(x, y);
-        let relief = Relief::new(depth, width, on_rope, low, high, radius_px)?;
+        let ropes = (low[1]..high[1]).flat_map(|y| {
+            let row = y.wrapping_add_signed(-first[1]);
+            let own = if row < frame[1] { &own.values[row * frame[0]..][..frame[0]] } else { &[] };
+            let (mask, depth) = (&mask[y * width..], &depth[y * width..]);
+            let columns = |value: usize| value.wrapping_add_signed(first[0]);
+            own.iter()
+                .enumerate()
+                .filter(|&(_, &own)| own)
+                .map(move |(k, _)| columns(k))
+                .filter(move |&x| (low[0]..high[0]).contains(&x) && mask[x])
+                .map(move |x| [x as f64, y as f64, depth[x]])
+        });
+        let relief = Relief::new(ropes, low, high, radius_px)?;
         let cell = (CELL * radius_px).round().max(1.0);
         let step = cell as usize;
         let places = [0, 1].map(|c| -> Vec<usize> {

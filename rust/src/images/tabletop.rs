@@ -4,6 +4,7 @@ use crate::geometry::Point;
 use crate::geometry::median::{MEDIAN_TO_SD, median_of_many};
 use crate::images::heights::{DepthPixels, Smoothing, measure_heights, smoothed};
 use crate::images::image::{Image, smoothing_kernel};
+use crate::images::parts::turn_blobs;
 
 const SMOOTHING: f64 = 0.8; // standard deviation of the Gaussian that smooths heights, pixels
 const MIN_SEEN: f32 = 0.3; // share of the weight of smoothed pixels that has depth
@@ -42,7 +43,7 @@ pub fn find_tabletop(
     let least = (DEVIATIONS * scatter).max(MIN_HEIGHT) as f32;
     let values = smooth.iter().map(|height| *height > least).collect();
     let mut found = Image { width: seen.width, height: above.len() / seen.width, values };
-    found.turn_blobs(true, true, |size| size < MIN_BLOB);
+    turn_blobs(&mut found, true, true, |size| size < MIN_BLOB);
     (above, found.values)
 }
 

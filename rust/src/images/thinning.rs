@@ -1,51 +1,10 @@
 //! Thinning of masks to lines one pixel wide, 64 pixels at a time.
 
+use crate::images::bits::{Bits, TOGETHER, WORD_PIXELS};
 use crate::images::image::Image;
 use crate::simd::kernel;
 
-const WORD_PIXELS: usize = u64::BITS as usize; // pixels of a word
-
-/// A mask with one bit for each pixel; its border is empty.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Bits {
-    /// Row by row, with an empty word before and after.
-    words: Vec<u64>,
-    width: usize,
-    /// Words of a row.
-    stride: usize,
-}
-
 impl Bits {
-    fn new(width: usize, height: usize) -> Self {
-        let stride = width.div_ceil(WORD_PIXELS);
-        Self { words: vec![0; stride * height + 2], width, stride }
-    }
-
-    /// Packs a mask.
-    pub fn of(mask: &Image<bool>) -> Self {
-        let mut made = Self::new(mask.width, mask.height);
-        let rows =
-            mask.values.chunks_exact(mask.width.max(1)).zip(made.words[1..].chunks_mut(made.stride.max(1)));
-        for (values, words) in rows {
-            for (word, values) in words.iter_mut().zip(values.chunks(WORD_PIXELS)) {
-                *word = pack(values);
-            }
-        }
-        made
-    }
-
-    /// Returns the word of a pixel, and the pixel's bit in it.
-    #[inline(always)]
-    fn word(&self, k: usize) -> (usize, usize) {
-        let (row, column) = (k / self.width, k % self.width);
-        (1 + row * self.stride + column / WORD_PIXELS, column % WORD_PIXELS)
-    }
-
-    fn set(&mut self, k: usize, value: bool) {
-        let (word, bit) = self.word(k);
-        self.words[word] = self.words[word] & !(1 << bit) | u64::from(value) << bit;
-    }
-
     /// Returns which neighbours of a word's pixels are set, clockwise from above.
     fn around(&self, word: usize) -> [u64; 8] {
         let row = |word: usize| [self.words[word - 1], self.words[word], self.words[word + 1]];
@@ -82,20 +41,6 @@ impl Bits {
         }
     }
 
-    /// Returns the set pixels, ascending.
-    fn pixels(&self) -> Vec<usize> {
-        let mut found = Vec::new();
-        for (k, &word) in self.words[1..].iter().enumerate() {
-            let first = k / self.stride * self.width + k % self.stride * WORD_PIXELS;
-            let mut left = word;
-            while left != 0 {
-                found.push(first + left.trailing_zeros() as usize);
-                left &= left - 1;
-            }
-        }
-        found
-    }
-
     /// Thins, as [`Bits::thin`] does, and returns the remaining pixels, ascending.
     fn into_skeleton(mut self, whole: bool) -> Vec<usize> {
         self.thin(whole);
@@ -113,21 +58,6 @@ impl Bits {
             }
         }
     }
-}
-
-/// Packs at most 64 pixels, the first into the lowest bit.
-fn pack(values: &[bool]) -> u64 {
-    let (eights, rest) = values.as_chunks::<8>();
-    let mut word = 0;
-    for (k, eight) in eights.iter().enumerate() {
-        // the product gathers the lowest bits of the bytes in its highest byte
-        let byte = u64::from_le_bytes(eight.map(u8::from)).wrapping_mul(0x0102_0408_1020_4080) >> 56;
-        word |= byte << (8 * k);
-    }
-    for (k, &value) in rest.iter().enumerate() {
-        word |= u64::from(value) << (8 * eights.len() + k);
-    }
-    word
 }
 
 /// Returns which neighbours of a word's pixels are set, clockwise from above, given three words of three rows.
@@ -192,16 +122,23 @@ kernel! {
         whole: bool,
         to: &mut [u64],
     ) {
-        let count = to.len();
-        let row = |first: usize| &words[first - 1..][..count + 2];
-        let rows = [row(first - stride), row(first), row(first + stride)];
-        for (k, to) in to.iter_mut().enumerate() {
-            let near = around([
-                [rows[0][k], rows[0][k + 1], rows[0][k + 2]],
-                [rows[1][k], rows[1][k + 1], rows[1][k + 2]],
-                [rows[2][k], rows[2][k + 1], rows[2][k + 2]],
-            ]);
-            *to = rows[1][k + 1] & if whole { removable_whole(near, second) } else { removable(near, second) };
+        let parts = to.as_chunks_mut::<TOGETHER>().0;
+        for (part, first) in parts.iter_mut().zip((first..).step_by(TOGETHER)) {
+            let row = |first: usize| &words[first - 1..][..TOGETHER + 2];
+            let rows = [row(first - stride), row(first), row(first + stride)];
+            if rows[1][1..=TOGETHER].iter().fold(0, |any, word| any | word) == 0 {
+                part.fill(0);
+                continue;
+            }
+            for (k, to) in part.iter_mut().enumerate() {
+                let near = around([
+                    [rows[0][k], rows[0][k + 1], rows[0][k + 2]],
+                    [rows[1][k], rows[1][k + 1], rows[1][k + 2]],
+                    [rows[2][k], rows[2][k + 1], rows[2][k + 2]],
+                ]);
+                *to =
+                    rows[1][k + 1] & if whole { removable_whole(near, second) } else { removable(near, second) };
+            }
         }
     }
 }
@@ -228,15 +165,15 @@ pub fn thinned(pixels: impl IntoIterator<Item = usize>, width: usize, height: us
 }
 
 /// Returns the skeleton of a mask with an empty border: pixels, ascending.
-pub fn find_skeleton(mask: &Image<bool>) -> Vec<usize> {
-    Bits::of(mask).into_skeleton(false)
+pub fn find_skeleton(mask: &Bits) -> Vec<usize> {
+    mask.clone().into_skeleton(false)
 }
 
 /// Returns the skeleton of a mask with an empty border, whose diagonals keep their length: pixels, ascending.
 ///
 /// The method is that of Guo and Hall, *Parallel thinning with two-subiteration algorithms*.
 pub fn find_whole_skeleton(mask: &Image<bool>) -> Vec<usize> {
-    Bits::of(mask).into_skeleton(true)
+    Bits::pack(&mask.values, mask.width).into_skeleton(true)
 }
 
 #[cfg(test)]
@@ -314,7 +251,7 @@ mod tests {
                 })
                 .collect(),
         };
-        assert!(find_skeleton(&diagonal).len() < 10);
+        assert!(find_skeleton(&Bits::pack(&diagonal.values, width)).len() < 10);
         assert!(find_whole_skeleton(&diagonal).len() > 95);
     }
 

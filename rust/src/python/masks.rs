@@ -6,10 +6,12 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use super::arguments::Array;
+use super::arguments::{Array, FloatArray, wrong_shape};
 use super::arrays::{array, list};
 use super::released::released;
 use crate::checks::check_positive;
+use crate::images::beside;
+use crate::images::bits::Bits;
 use crate::images::distances::measure_distances;
 use crate::images::image::{Image, find_blobs};
 use crate::images::outline;
@@ -21,6 +23,9 @@ use crate::parallel;
 
 /// The columns and rows of a strand's nodes.
 type Strand<'py> = Bound<'py, PyArray2<f64>>;
+
+/// The first row and column of a part of an image, and which of its pixels are a piece's.
+type Piece<'py> = ((usize, usize), Bound<'py, PyArray2<bool>>);
 
 const MAX_STEPS: usize = 100_000; // steps of an outline at most; it takes hundreds
 
@@ -86,6 +91,64 @@ pub(super) fn number_blobs<'py>(
         numbers
     })?;
     array(py, found, [height, width])
+}
+
+/// Return the number of pixels that differ from most of their neighbours, and of the steps of a mask's outline.
+#[pyfunction]
+pub(super) fn count_odd_pixels(py: Python<'_>, mask: &Bound<'_, PyAny>) -> PyResult<(usize, usize)> {
+    let mask = Array::mask("mask", mask)?;
+    let [_, width] = mask.image_shape("mask")?;
+    released(py, move || Bits::pack(mask.slice(), width).count_odd_pixels().into())
+}
+
+/// Return rows, columns and depths (N,) of pixels with depth at most `reach` pixels around a mask but not within `margin`
+/// pixels of it. About twice `count` are looked at, on a grid.
+#[pyfunction]
+#[allow(clippy::type_complexity)]
+pub(super) fn select_beside<'py>(
+    py: Python<'py>,
+    mask: &Bound<'py, PyAny>,
+    depth: &Bound<'py, PyAny>,
+    reach: usize,
+    margin: usize,
+    count: f64,
+) -> PyResult<(Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<f64>>)> {
+    let (mask, depth) = (Array::mask("mask", mask)?, FloatArray::new("depth", depth)?);
+    let [height, width] = depth.image_shape("depth")?;
+    if mask.shape() != [height, width] {
+        return Err(wrong_shape("mask", &format!("({height}, {width})"), mask.shape()));
+    }
+    check_positive("count", count)?;
+    let found = released(py, move || {
+        beside::select_beside(&Bits::pack(mask.slice(), width), depth.slice(), reach, margin, count)
+    })?;
+    Ok((list(py, found.rows)?, list(py, found.columns)?, list(py, found.depths)?))
+}
+
+/// Return the connected pieces of chosen pixels farther than `reach` pixels from a mask, whose number of pixels over
+/// `unit` is between two limits: for each, the first row and column of a part of the image with `margin` pixels around
+/// the piece, and which pixels of the part are the piece's.
+#[pyfunction]
+pub(super) fn find_pieces_beside<'py>(
+    py: Python<'py>,
+    chosen: &Bound<'py, PyAny>,
+    mask: &Bound<'py, PyAny>,
+    reach: f64,
+    unit: f64,
+    limits: [f64; 2],
+    margin: usize,
+) -> PyResult<Vec<Piece<'py>>> {
+    let (chosen, mask) = (Array::mask("chosen", chosen)?, Array::mask("mask", mask)?);
+    let [height, width] = mask.image_shape("mask")?;
+    if chosen.shape() != [height, width] {
+        return Err(wrong_shape("chosen", &format!("({height}, {width})"), chosen.shape()));
+    }
+    let found = released(py, move || {
+        let [chosen, mask] = [chosen.slice(), mask.slice()].map(|values| Bits::pack(values, width));
+        let size = |pixels: usize| limits[0] < pixels as f64 / unit && (pixels as f64 / unit) < limits[1];
+        beside::find_pieces(&chosen, &mask, reach.min((width + height) as f64), size, margin)
+    })?;
+    found.into_iter().map(|piece| Ok((piece.corner.into(), array(py, piece.values, piece.size)?))).collect()
 }
 
 /// Return the middles of a mask's strips: pixels at least as far from its edge as their neighbours, and farther than

@@ -37,8 +37,46 @@ def test_distances_are_those_of_scipy_up_to_the_greatest(mask):
         assert _core.measure_edge_distances(np.ones(shape, bool), 7).shape == shape
 
 
+def test_pixels_that_differ_from_most_neighbours_are_odd(mask):
+    padded = np.pad(mask, 2)
+    most = ndimage.convolve(padded.astype(int), np.ones((3, 3), int), mode="constant") > 4
+    steps = sum(np.count_nonzero(np.diff(padded, axis=axis)) for axis in (0, 1))
+    assert _core.count_odd_pixels(mask) == (np.count_nonzero(most != padded), steps)
+
+
+def test_pixels_beside_a_mask_have_depth_and_keep_their_distance(mask):
+    depth = np.random.default_rng(1).uniform(size=mask.shape) - 0.2
+    rows, columns, z = _core.select_beside(mask, depth, 200, 2, 1e6)
+    corners = np.zeros((5, 5), bool)
+    corners[::2, ::2] = True
+    near = ndimage.binary_dilation(np.pad(mask, 2, mode="edge"), corners)[2:-2, 2:-2]
+    expected = np.nonzero((depth > 0) & ~near)
+    np.testing.assert_array_equal((rows, columns), expected)
+    np.testing.assert_array_equal(z, depth[expected])
+
+
+def test_pieces_beside_a_mask_are_those_of_scipy(mask):
+    chosen = np.random.default_rng(2).uniform(size=mask.shape) < 0.3
+    beyond = chosen & (ndimage.distance_transform_edt(~mask) > 1.5)
+    numbers, count = ndimage.label(beyond, np.ones((3, 3)))
+    expected = [
+        numbers == k + 1 for k in range(count) if 2.0 < np.count_nonzero(numbers == k + 1) / 0.5 < 20.0
+    ]
+    found = _core.find_pieces_beside(chosen, mask, 1.5, 0.5, (2.0, 20.0), 3)
+    whole = []
+    for (row, column), piece in found:
+        drawn = np.zeros_like(mask)
+        drawn[row : row + piece.shape[0], column : column + piece.shape[1]] = piece
+        whole.append(drawn)
+    assert sorted(map(bytes, whole)) == sorted(map(bytes, expected))
+
+
 def test_wrong_arguments():
     with pytest.raises(TypeError, match="mask: expected"):
         _core.number_blobs(np.zeros((3, 3)))
     with pytest.raises(ValueError, match="mask: expected"):
         _core.measure_edge_distances(np.zeros(3, bool), 4)
+    with pytest.raises(ValueError, match="mask: expected"):
+        _core.select_beside(np.zeros((3, 4), bool), np.ones((4, 3)), 2, 1, 10.0)
+    with pytest.raises(ValueError, match="chosen: expected"):
+        _core.find_pieces_beside(np.zeros((3, 4), bool), np.zeros((4, 3), bool), 1.0, 1.0, (0.0, 9.0), 1)

@@ -55,31 +55,19 @@ def _mend_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
     if part.occluders is not None:
         stands = stands & ~part.occluders
     rim = max(_MIN_RIM, _RIM * pixels)
-    lost = stands & (_measure_distances(mask, rim) > rim)
-    if not lost.any():
-        return image
-    numbers = _core.number_blobs(lost)
-    areas = np.bincount(numbers.ravel())[1:] / pixels**2
-    pieces = 1 + np.flatnonzero((areas > _MIN_AREA) & (areas < _MAX_AREA))
-    if not len(pieces):
-        return image
+    margin = int(rim + _TOUCH) + 2
     added = np.zeros_like(mask)
-    places = np.argwhere(lost)
-    owners = numbers[lost]
-    for number in pieces:
-        own = places[owners == number]
-        margin = int(rim + _TOUCH) + 2
-        corner = np.maximum(own.min(axis=0) - margin, 0)
-        end = own.max(axis=0) + margin + 1
-        box = (slice(corner[0], end[0]), slice(corner[1], end[1]))
-        piece = numbers[box] == number
+    for corner, piece in _core.find_pieces_beside(
+        stands, mask, rim, pixels**2, (_MIN_AREA, _MAX_AREA), margin
+    ):
+        box = tuple(slice(first, first + size) for first, size in zip(corner, piece.shape, strict=True))
         width = float(_core.measure_edge_distances(piece, int(2.0 * _MAX_HALF_WIDTH * pixels) + 2).max())
         if not _MIN_HALF_WIDTH * pixels < width < _MAX_HALF_WIDTH * pixels:
             continue
         away = _measure_distances(piece, rim + _TOUCH)
         touched = mask[box] & (away <= rim + _TOUCH)
         in_radii = np.where(seen[box], heights[box] / radius, np.nan)
-        if _joins_an_end(mask, touched, corner, pixels) and _is_level(in_radii, piece, touched):
+        if _joins_an_end(mask, touched, np.array(corner), pixels) and _is_level(in_radii, piece, touched):
             added[box] |= stands[box] & (away <= rim)
     if not (added & ~mask).any():
         return image

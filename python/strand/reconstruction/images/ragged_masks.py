@@ -69,11 +69,5 @@ def _mend_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
 
 def measure_raggedness(mask: NDArray[np.bool_]) -> float:
     """Return the number of pixels that differ from most of their neighbours, per step of a mask's outline."""
-    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    if not len(rows):
-        return 0.0
-    own = np.pad(mask[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1], 2).astype(np.int8)
-    across = own[:, :-2] + own[:, 1:-1] + own[:, 2:]
-    most = across[:-2] + across[1:-1] + across[2:] > 4
-    steps = np.count_nonzero(own[1:] != own[:-1]) + np.count_nonzero(own[:, 1:] != own[:, :-1])
-    return float(np.count_nonzero(most != own[1:-1, 1:-1])) / steps
+    odd, steps = _core.count_odd_pixels(mask)
+    return odd / steps if steps else 0.0

@@ -174,19 +174,4 @@ def _select_beside(image: DepthImage, reach: int, depth: Array) -> Array:
 
     Their depths are given, (H, W) metres.
     """
-    mask = image.mask
-    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    height, width = mask.shape
-    top, bottom = max(rows[0] - reach, 0), min(rows[-1] + reach + 1, height)
-    left, right = max(columns[0] - reach, 0), min(columns[-1] + reach + 1, width)
-    step = max(int(np.sqrt((bottom - top) * (right - left) / (2.0 * _POINTS_BESIDE))), 1)
-    z = depth[top:bottom:step, left:right:step]
-    kept = z > 0
-    steps = (-_MARGIN, 0, _MARGIN)
-    across = [np.clip(np.arange(left, right, step) + du, 0, width - 1) for du in steps]
-    for dv in steps:
-        down = np.clip(np.arange(top, bottom, step) + dv, 0, height - 1)
-        for chosen in across:
-            kept &= ~mask[down[:, None], chosen]
-    v, u = np.nonzero(kept)
-    return image.lift(top + step * v, left + step * u, z[kept])
+    return image.lift(*_core.select_beside(image.mask, depth, reach, _MARGIN, _POINTS_BESIDE))

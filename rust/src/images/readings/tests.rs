@@ -4,7 +4,9 @@ use super::ends::extend;
 use super::links::{Votes, fit};
 use super::planar::{self, Place, distance, length, resampled};
 use super::search::{Reading, find_readings, price};
+use crate::images::bits::Bits;
 use crate::images::image::{Image, find_blobs};
+use crate::images::parts::turn_blobs;
 use crate::images::silhouette::Silhouette;
 use crate::images::thinning::find_skeleton;
 
@@ -84,12 +86,12 @@ fn thinning_keeps_connections_and_holes() {
             }
         }
         // specks may vanish: silhouettes have none
-        mask.turn_blobs(true, true, |size| size < 40);
+        turn_blobs(&mut mask, true, true, |size| size < 40);
         let count = |image: &Image<bool>| {
             (find_blobs(image, true, true).sizes.len(), find_blobs(image, false, false).sizes.len() - 1)
         };
         let mut lines = Image::filled(90, 70, false);
-        for k in find_skeleton(&mask) {
+        for k in find_skeleton(&Bits::pack(&mask.values, mask.width)) {
             assert!(mask.values[k]);
             lines.values[k] = true;
         }

@@ -3,11 +3,14 @@
 use super::network::{SPURS, Skeleton};
 use super::planar::{Place, length};
 use crate::images::rope_mask::RopeMask;
+use crate::images::runs::Mask;
 use crate::images::strokes::find_scale_of_widths;
 
 const MIN_LENGTH: f64 = 4.0; // shorter strands may be spurs of a ragged mask, image radii
 /// The radius of a strand that counts as single at most, image radii: near strands are wider than far ones.
 const SLACK: f64 = 1.25;
+const OUTSIDE: u32 = 0; // owner of pixels outside the mask
+const FREE: u32 = u32::MAX; // owner of pixels that have none yet
 const MERGED: u32 = 1; // owner of pixels that measure nothing: where strands merge, and at ends
 
 /// Measures the radius of ropes in a mask, pixels, and returns the middles of its single strands. `radius_px` is the
@@ -22,8 +25,17 @@ pub fn measure_strands(mask: &RopeMask, radius_px: f64) -> Option<(f64, Vec<Vec<
     let skeleton = Skeleton::new(&strokes, widest, SPURS[0]);
     let network = skeleton.read(widest, false, &[]);
     let inside = &filled.inside;
-    let width = inside.width;
-    let mut owners = vec![0; inside.values.len()];
+    let [width, height] = inside.size();
+    // only the mask's pixels are written
+    let mut owners = vec![OUTSIDE; width * height];
+    for row in 0..height {
+        let mut begin = inside.find_next(row, 0, true);
+        while begin < width {
+            let end = inside.find_next(row, begin, false);
+            owners[row * width..][begin..end].fill(FREE);
+            begin = inside.find_next(row, end, true);
+        }
+    }
     for zone in &network.zones {
         zone.iter().for_each(|&i| owners[skeleton.pixel(i)] = MERGED);
     }
@@ -44,14 +56,14 @@ pub fn measure_strands(mask: &RopeMask, radius_px: f64) -> Option<(f64, Vec<Vec<
         measured += long * (between / (between + 1.0)).max(0.0);
         strands.push(segment.points);
     }
-    let mut open: Vec<usize> = strokes.skeleton.iter().copied().filter(|&k| owners[k] != 0).collect();
+    let mut open: Vec<usize> = strokes.skeleton.iter().copied().filter(|&k| owners[k] != FREE).collect();
     let mut area = 0usize;
     while !open.is_empty() {
         area += open.iter().filter(|&&k| owners[k] > MERGED).count();
         let mut next = Vec::new();
         for &k in &open {
             for near in [k - width, k + 1, k + width, k - 1] {
-                if inside.values[near] && owners[near] == 0 {
+                if owners[near] == FREE {
                     owners[near] = owners[k];
                     next.push(near);
                 }
