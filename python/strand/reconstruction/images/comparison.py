@@ -42,7 +42,8 @@ _MAX_COMPARED = 24  # views by which readings are compared; all fit the best one
 _MAX_FITTED = 10_000.0  # radii of rope in the readings that are fitted, for each view up to two
 _MAX_LONGER = 4.0  # times the longest reading's length: ropes found otherwise that are longer are noise
 _MAX_LENGTH = 5e4  # pixels: longer ropes, and those that are farther away, are in no image
-_STEPS = 8  # steps of a fit
+_STEPS = 4  # steps of fits that are compared: more hardly change which is best
+_LAST_STEPS = 8  # steps of the best one's last fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,5 +255,5 @@ def refit(
 ) -> ImageFit:
     """Fit a hypothesis again from where its fit ended, with covariances; return the old fit if that fails."""
     poses = (config.poses.rotation_sd, config.poses.translation_sd)
-    again = images.refit(fit, table, held, poses, errors.values, _STEPS)
+    again = images.refit(fit, table, held, poses, errors.values, _LAST_STEPS)
     return fit if again is None else again
