@@ -6,6 +6,7 @@ use super::planar::{Place, bending, distance, hermite, length, resampled, smooth
 use crate::geometry::banded::{Bordered, PLANAR};
 use crate::images::silhouette::{Edge, Silhouette};
 use crate::images::surroundings::Shown;
+use crate::simd::{LANES, kernel};
 
 pub const STEP: f64 = 0.5; // distance between the nodes of a curve, image radii
 pub const TAIL: usize = 8; // nodes of a segment that are fitted together with a curve through its zone
@@ -89,13 +90,13 @@ pub fn fit(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f64])
     let h = length(p) / (n - 1) as f64 / radius_px;
     let smooth = make_smoothness(n, h, FIT_BENDING);
     let mut x = p.to_vec();
-    let mut edges: Vec<(Place, Edge, usize)> = votes
-        .near(p, MAX_VOTE * radius_px)
-        .into_iter()
-        .map(|(k, nearest)| (votes.places[k], silhouette.boundary[k], nearest))
-        .collect();
+    let near = votes.near(p, MAX_VOTE * radius_px);
+    let edges: Vec<(Place, &Edge)> =
+        near.iter().map(|&(k, _)| (votes.places[k], &silhouette.boundary[k])).collect();
+    let mut nearest: Vec<(Place, usize, f64)> =
+        near.iter().map(|&(k, nearest)| (votes.places[k], nearest, 0.0)).collect();
     // with nodes at infinity before and after
-    let mut padded = vec![[f64::INFINITY; 2]; n + 2 * NEAR];
+    let mut padded = [0, 1].map(|_| vec![f64::INFINITY; n + NEAR + LANES]);
     for iteration in 0..8 {
         let most_cost = HOPELESS * (2.0 * FREE_END + BARE * h * (n - 1) as f64);
         if iteration == TRIAL && price_curve(silhouette, &x) > most_cost {
@@ -134,16 +135,13 @@ pub fn fit(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f64])
                 unit([b[0] - a[0], b[1] - a[1]])
             })
             .collect();
-        padded[NEAR..][..n].copy_from_slice(&x);
-        for (vote, edge, last) in &mut edges {
-            // nodes move little, so the nearest one is near the last nearest one
-            let (mut least, mut nearest) = (f64::INFINITY, NEAR);
-            for (i, node) in padded[*last..][..2 * NEAR + 1].iter().enumerate() {
-                let d = (vote[0] - node[0]).powi(2) + (vote[1] - node[1]).powi(2);
-                (least, nearest) = if d < least { (d, i) } else { (least, nearest) };
+        for (padded, c) in padded.iter_mut().zip(0..) {
+            for (to, node) in padded[NEAR..].iter_mut().zip(&x) {
+                *to = node[c];
             }
-            let k = *last + nearest - NEAR;
-            *last = k;
+        }
+        move_to_nearest(&mut nearest, &padded);
+        for ((vote, edge), &(_, k, least)) in edges.iter().zip(&nearest) {
             if k == 0 || k == n - 1 || least > (1.5 * reach * radius_px).powi(2) {
                 continue;
             }
@@ -179,6 +177,33 @@ pub fn fit(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f64])
         }
     }
     Some(x)
+}
+
+kernel! {
+    /// Moves from the last nearest node of each place to the nearest of those within `NEAR` of it; sets its squared
+    /// distance. Nodes move little, so the nearest one is there. `padded` has their coordinates after `NEAR` others.
+    fn move_to_nearest<S>(_, places: &mut [(Place, usize, f64)], padded: &[Vec<f64>; 2]) {
+        for (place, number, square) in places {
+            let (x, y) = (&padded[0][*number..][..LANES], &padded[1][*number..][..LANES]);
+            let mut squares = [f64::INFINITY; LANES];
+            for l in 0..LANES {
+                squares[l] = (place[0] - x[l]).powi(2) + (place[1] - y[l]).powi(2);
+            }
+            squares[2 * NEAR + 1..].fill(f64::INFINITY);
+            let mut least = squares;
+            for half in [4, 2, 1] {
+                for l in 0..half {
+                    least[l] = if least[l + half] < least[l] { least[l + half] } else { least[l] };
+                }
+            }
+            let least = least[0];
+            let mut found = 0;
+            for l in 0..LANES {
+                found |= u32::from(squares[l] == least) << l;
+            }
+            (*number, *square) = (*number + found.trailing_zeros() as usize - NEAR, least);
+        }
+    }
 }
 
 /// Returns the lower rows of the matrix of bending and its change: entries for each node and the three before it.
