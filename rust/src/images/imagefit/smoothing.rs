@@ -15,6 +15,7 @@ const HUBER: f64 = 1.5; // larger residuals count linearly, not squared, standar
 const MIN_NOISE: f64 = 0.2; // noise that divides residuals at least, radii
 
 const BATCH: usize = 4; // gaps that are solved together
+const FORGOTTEN: f64 = 6.0; // lengths over which a spline forgets by e, after which depths bear on nothing
 
 /// Two stretches of rope, one in front of the other, kept apart by the mean distance between their samples.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,6 +67,15 @@ impl Profile {
         let observed: Vec<f64> = cut(&self.observed);
         let stiffness = make_stiffness(&chains, observed.len());
         Self { ceilings: cut(&self.ceilings), observed, chains, stiffness, density: self.density }
+    }
+
+    /// Returns how many samples before and after a place bear on its depth, with depths of a noise of `sigma` radii.
+    ///
+    /// Far from all changes, a spline with w (x − z)² + s x″² has s x⁗ = −w x, and so falls by e over √2 (s / w)^¼.
+    pub fn measure_reach(&self, sigma: f64) -> usize {
+        let weight = self.density / (sigma * sigma);
+        let stiffness = STIFFNESS / STEP.powi(3);
+        (FORGOTTEN * std::f64::consts::SQRT_2 * (stiffness / weight).powf(0.25)).ceil() as usize
     }
 
     /// Finds the depths of least cost, and that cost, in some rounds from `start`, if given. Weights of observations

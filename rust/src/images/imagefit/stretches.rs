@@ -5,7 +5,8 @@ use std::ops::Range;
 use super::crossings::{Evidence, Overlap};
 use super::smoothing::Profile;
 
-const REACH: usize = 60; // samples before and after a crossing whose depths bear on it
+/// Samples before and after a crossing whose depths bear on it, at most.
+const MAX_REACH: usize = 60;
 /// Samples times crossings: with fewer, each is decided by all depths.
 const MAX_WHOLE: usize = 4_000;
 
@@ -30,12 +31,13 @@ pub fn are_many(evidence: &Evidence, overlaps: &[Overlap]) -> bool {
 impl Stretch {
     /// Cuts the evidence near some of the overlaps.
     pub fn new(evidence: &Evidence, overlaps: &[Overlap], chosen: &[usize]) -> Self {
+        let reach = evidence.profile.measure_reach(evidence.sigma).min(MAX_REACH);
         let mut ranges: Vec<Range<usize>> = Vec::new();
         for side in chosen.iter().flat_map(|&k| &overlaps[k].sides) {
             let (first, last) = (side[0], side[side.len() - 1]);
             for chain in evidence.profile.chains.iter().filter(|c| c.start <= last && c.end > first) {
-                let begin = first.saturating_sub(REACH).max(chain.start);
-                ranges.push(begin..(last + REACH + 1).min(chain.end));
+                let begin = first.saturating_sub(reach).max(chain.start);
+                ranges.push(begin..(last + reach + 1).min(chain.end));
             }
         }
         ranges.sort_unstable_by_key(|range| range.start);
