@@ -39,7 +39,7 @@ class Extract:
     @property
     def empty(self) -> bool:
         """Whether no view has a point inside."""
-        return not any(len(view.points) for view in self.inside)
+        return not any(map(_has_points, self.inside))
 
     @lazy_property
     def images(self) -> list[DepthImage | None]:
@@ -52,9 +52,17 @@ class Extract:
     @lazy_property
     def whole_images(self) -> list[DepthImage | None]:
         """Each view's image without a mask; None for a view with a mask or without points."""
-        return [make_image(view) if view.mask is None and len(view.points) else None for view in self.whole]
+        return [make_image(view) if view.mask is None and _has_points(view) else None for view in self.whole]
 
 
 def extract_views(views: Sequence[View], bounds: Box | None) -> Extract:
     """Check views, and return them with their extraction range."""
     return Extract(check_views(views), bounds)
+
+
+def _has_points(view: View) -> bool:
+    """Tell whether a view has points; those of an image without a mask need not be un-projected for that."""
+    measured = view.measured
+    if isinstance(measured, DepthImage) and measured.labels is None and measured.occluders is None:
+        return bool((measured.depth > 0.0).any())
+    return len(view.points) > 0

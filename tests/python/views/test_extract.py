@@ -33,6 +33,8 @@ def test_without_a_range_all_is_inside():
     assert extract.inside == extract.whole
     assert not extract.empty
     assert extract_views([strand.View(np.zeros((0, 3)))], None).empty
+    assert extract_views([strand.View.from_depth(np.zeros((4, 5)), SCENE.intrinsics)], None).empty
+    assert not extract_views([strand.View.from_depth(np.ones((4, 5)), SCENE.intrinsics)], None).empty
     with pytest.raises(ValueError, match="at least one View"):
         extract_views([], None)
 
@@ -49,3 +51,18 @@ def test_views_with_a_mask_or_without_points_have_no_whole_image():
     extract = Extract((masked, empty, VIEWS[1]), None)
     assert [image is None for image in extract.whole_images] == [True, True, False]
     assert [image is None for image in extract.images] == [False, True, False]
+
+
+def test_nothing_is_unprojected_to_tell_that_there_are_points():
+    view = strand.View.from_depth(SCENE.depth[0], SCENE.intrinsics, depth_scale=SCENE.depth_scale)
+    extract = extract_views([view], None)
+    assert not extract.empty
+    assert extract.whole_images[0] is view.image
+    # the image, as long as no one has asked for points
+    assert view.measured is view.image
+
+
+def test_points_that_were_dropped_from_masked_images_do_not_count():
+    masked = dataclasses.replace(SCENE, mask=SCENE.depth > 0).views[0]
+    extract = Extract((masked,), None, (masked.select(np.zeros(len(masked.points), dtype=bool)),))
+    assert extract.empty
