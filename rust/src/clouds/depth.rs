@@ -30,6 +30,7 @@ impl Pinhole {
     }
 }
 
+const MANY: usize = 64; // numbers that are passed over together
 const MIN_DEPTH: f64 = 1e-100; // smaller depths are no return: their products lose all digits, metres
 
 #[inline(always)]
@@ -71,27 +72,37 @@ kernel! {
 
 /// Returns the `count` largest different values below a number, and the `count` smallest of the others, ascending.
 pub(crate) fn find_values_near(values: &[f64], at: f64, count: usize) -> Vec<f64> {
+    if count == 0 {
+        return Vec::new();
+    }
     let (mut below, mut above): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
-    for &value in values.iter().filter(|value| count > 0 && !value.is_nan()) {
-        if value >= at {
-            if above.len() < count || value < above[count - 1] {
-                let place = above.partition_point(|&other| other < value);
-                if above.get(place) != Some(&value) {
-                    above.insert(place, value);
-                    above.truncate(count);
-                }
-            }
-        } else if below.len() < count || value > below[count - 1] {
-            let place = below.partition_point(|&other| other > value);
-            if below.get(place) != Some(&value) {
-                below.insert(place, value);
-                below.truncate(count);
+    for values in values.chunks(MANY) {
+        // most numbers are farther than those found
+        if let (Some(&low), Some(&high)) = (below.get(count - 1), above.get(count - 1))
+            && !values.iter().fold(false, |any, &value| any | ((value > low) & (value < high)))
+        {
+            continue;
+        }
+        for &value in values.iter().filter(|value| !value.is_nan()) {
+            if value >= at {
+                insert_different(&mut above, value, count, |other| other < value);
+            } else {
+                insert_different(&mut below, value, count, |other| other > value);
             }
         }
     }
     below.reverse();
     below.extend(above);
     below
+}
+
+/// Inserts a number among at most `count` different ones after those that are nearer.
+fn insert_different(found: &mut Vec<f64>, value: f64, count: usize, is_nearer: impl Fn(f64) -> bool) {
+    let place = found.partition_point(|&other| is_nearer(other));
+    if place < count && found.get(place) != Some(&value) {
+        found.insert(place, value);
+        found.truncate(count);
+    }
 }
 
 /// Returns the points of a depth image's pixels inside a mask, as [`unproject`] does.
@@ -181,6 +192,13 @@ mod tests {
         assert_eq!(find_values_near(&values, 2.5, 3), [1.0, 2.0, 3.0, 4.0, 5.0]);
         assert_eq!(find_values_near(&values, f64::NAN, 2), [7.0, 8.0]);
         assert!(find_values_near(&values, 5.0, 0).is_empty());
+        // among many
+        let values: Vec<f64> = (0..1000).map(|k| f64::from(k * 7919 % 1009 / 2)).collect();
+        let mut all = values.clone();
+        all.sort_by(f64::total_cmp);
+        all.dedup();
+        let middle = all.partition_point(|&value| value < 200.0);
+        assert_eq!(find_values_near(&values, 200.0, 4), all[middle - 4..middle + 4]);
     }
 
     #[test]

@@ -5,6 +5,7 @@ use crate::geometry::median::{MEDIAN_TO_SD, median_of_many};
 use crate::images::heights::{DepthPixels, Smoothing, measure_heights, smoothed};
 use crate::images::image::{Image, smoothing_kernel};
 use crate::images::parts::turn_blobs;
+use crate::simd::kernel;
 
 const SMOOTHING: f64 = 0.8; // standard deviation of the Gaussian that smooths heights, pixels
 const MIN_SEEN: f32 = 0.3; // share of the weight of smoothed pixels that has depth
@@ -25,10 +26,7 @@ pub fn find_tabletop(
     let (mut above, counts) = measure_heights(seen, (normal, offset), None);
     // relative to the distance, as single precision does not hold metres in every unit
     let mut relative = vec![0.0; above.len()];
-    for ((above, relative), counts) in above.iter_mut().zip(&mut relative).zip(&counts) {
-        *above = if *counts { *above } else { 0.0 };
-        *relative = *above / distance;
-    }
+    divide_seen(&mut above, &counts, distance, &mut relative);
     let kernel = smoothing_kernel(SMOOTHING);
     let smoothing = Smoothing { range: [-MAX_HEIGHT, MAX_HEIGHT], kernel: &kernel, share: MIN_SEEN };
     let smooth = smoothed(&relative, &counts, seen.width, &smoothing);
@@ -45,6 +43,16 @@ pub fn find_tabletop(
     let mut found = Image { width: seen.width, height: above.len() / seen.width, values };
     turn_blobs(&mut found, true, true, |size| size < MIN_BLOB);
     (above, found.values)
+}
+
+kernel! {
+    /// Sets numbers that do not count to 0, and divides all by another.
+    fn divide_seen<S>(_, values: &mut [f64], counts: &[bool], by: f64, quotients: &mut [f64]) {
+        for ((value, quotient), counts) in values.iter_mut().zip(quotients).zip(counts) {
+            *value = if *counts { *value } else { 0.0 };
+            *quotient = *value / by;
+        }
+    }
 }
 
 #[cfg(test)]
