@@ -5,9 +5,10 @@ python benches/cases.py [CASE ...] [--scenes N] [--turns N] [--calls N] [--again
 "processor" is the processor time of a call on one thread, "two threads" the wall time on two, both from the
 images to the model. Each is the least of a scene's calls, and the table has the median of the scenes. With
 `--against`, the package in another folder `python` takes turns with this one on the same scenes. Then the
-table has its times and the median ratio, this one's time over the other's; "same" counts equal answers.
-"load" is the system's mean number of running processes in the last minute, this bench's included: times
-suffer if it is much above 1.
+table has its times and the median ratio, this one's time over the other's; "same" counts equal answers. A
+second table has the median time of each stage on one thread; "rest" is all that is in no stage. "load" is the
+system's mean number of running processes in the last minute, this bench's included: times suffer if it is
+much above 1.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -102,6 +104,16 @@ CASES: dict[str, tuple[Callable[[], Iterator[SyntheticScene]], tuple[str, ...]]]
 }
 
 
+@dataclass(frozen=True)
+class Times:
+    """Milliseconds of a scene on one thread, on two, and of each stage on one; and the answer's digest."""
+
+    processor: float
+    two_threads: float
+    stages: dict[str, float]
+    digest: str
+
+
 class Worker:
     """A process that times calls of one installation with a number of threads."""
 
@@ -137,17 +149,29 @@ class Worker:
         self.process.wait()
 
 
-def time_scene(pairs: list[list[Worker]], call: dict[str, Any], turns: int) -> list[tuple[float, float, str]]:
-    """Return each installation's processor time, time on two threads, and digest; they take turns."""
+def time_scene(pairs: list[list[Worker]], call: dict[str, Any], turns: int) -> list[Times]:
+    """Return each installation's times of a scene; they take turns."""
     found = [[pair[k].ask(**call) for k in range(len(THREADS))] for _ in range(turns) for pair in pairs]
     times = []
     for number in range(len(pairs)):
         mine = found[number :: len(pairs)]
         digests = {answer["digest"] for both in mine for answer in both}
         assert len(digests) == 1, "the answer depends on the number of threads, or changes from call to call"
+        stages = {stage: 1e3 * min(one["stages"][stage] for one, _ in mine) for stage in mine[0][0]["stages"]}
         one, two = min(one["processor"] for one, _ in mine), min(two["wall"] for _, two in mine)
-        times.append((1e3 * one, 1e3 * two, digests.pop()))
+        times.append(Times(1e3 * one, 1e3 * two, stages, digests.pop()))
     return times
+
+
+def print_stages(found: dict[str, list[Times]]) -> None:
+    """Print the median time of each stage of the cases, milliseconds."""
+    stages = list(dict.fromkeys(s for times in found.values() for one in times for s in one.stages))
+    print()
+    print_head("case", *(f"{stage}, ms" for stage in stages), "rest, ms")
+    for case, times in found.items():
+        cells = [statistics.median(one.stages.get(stage, 0.0) for one in times) for stage in stages]
+        rest = statistics.median(one.processor - sum(one.stages.values()) for one in times)
+        print_row(case, *(f"{cell:.1f}" if cell else "" for cell in cells), f"{rest:.1f}")
 
 
 def main() -> int:
@@ -167,6 +191,7 @@ def main() -> int:
     if len(folders) > 1:
         titles += ["other's processor, ms", "two threads, ms", "ratio", "two threads", "same"]
     print_head(*titles, "load")
+    found: dict[str, list[Times]] = {}
     with tempfile.TemporaryDirectory() as kept:
         path = Path(kept) / "scene.npz"
         for case in arguments.cases or CASES:
@@ -176,16 +201,20 @@ def main() -> int:
                 made.save(path)
                 call = {"path": str(path), "facts": facts, "calls": arguments.calls}
                 scenes.append(time_scene(pairs, call, arguments.turns))
-            cells = [
-                f"{statistics.median(times[number][k] for times in scenes):.1f}"
-                for number in range(len(folders))
-                for k in (0, 1)
-            ]
+            cells = []
+            for times in zip(*scenes, strict=True):
+                cells.append(f"{statistics.median(one.processor for one in times):.1f}")
+                cells.append(f"{statistics.median(one.two_threads for one in times):.1f}")
             if len(folders) > 1:
-                ratios = [statistics.median(mine[k] / other[k] for mine, other in scenes) for k in (0, 1)]
-                same = sum(mine[2] == other[2] for mine, other in scenes)
+                ratios = [
+                    statistics.median(mine.processor / other.processor for mine, other in scenes),
+                    statistics.median(mine.two_threads / other.two_threads for mine, other in scenes),
+                ]
+                same = sum(mine.digest == other.digest for mine, other in scenes)
                 cells += [*(f"{ratio:.2f}" for ratio in ratios), f"{same} of {len(scenes)}"]
             print_row(case, len(scenes), *cells, f"{os.getloadavg()[0]:.1f}")
+            found[case] = [each[0] for each in scenes]
+    print_stages(found)
     for pair in pairs:
         for worker in pair:
             worker.close()
