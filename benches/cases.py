@@ -165,13 +165,16 @@ def time_scene(pairs: list[list[Worker]], call: dict[str, Any], turns: int) -> l
 
 def print_stages(found: dict[str, list[Times]]) -> None:
     """Print the median time of each stage of the cases, milliseconds."""
-    stages = list(dict.fromkeys(s for times in found.values() for one in times for s in one.stages))
     print()
-    print_head("case", *(f"{stage}, ms" for stage in stages), "rest, ms")
-    for case, times in found.items():
-        cells = [statistics.median(one.stages.get(stage, 0.0) for one in times) for stage in stages]
-        rest = statistics.median(one.processor - sum(one.stages.values()) for one in times)
-        print_row(case, *(f"{cell:.1f}" if cell else "" for cell in cells), f"{rest:.1f}")
+    print_head("stage, ms", *found)
+    for stage in dict.fromkeys(s for times in found.values() for one in times for s in one.stages):
+        each = [statistics.median(one.stages.get(stage, 0.0) for one in times) for times in found.values()]
+        print_row(stage, *(f"{time:.1f}" if time else "" for time in each))
+    rest = (
+        statistics.median(one.processor - sum(one.stages.values()) for one in times)
+        for times in found.values()
+    )
+    print_row("rest", *(f"{time:.1f}" for time in rest))
 
 
 def main() -> int:
@@ -189,7 +192,13 @@ def main() -> int:
     pairs = [[Worker(threads, folder) for threads in THREADS] for folder in folders]
     titles = ["case", "scenes", "processor, ms", "two threads, ms"]
     if len(folders) > 1:
-        titles += ["other's processor, ms", "two threads, ms", "ratio", "two threads", "same"]
+        titles += [
+            "other's processor, ms",
+            "other's two threads, ms",
+            "ratio",
+            "ratio on two threads",
+            "same",
+        ]
     print_head(*titles, "load")
     found: dict[str, list[Times]] = {}
     with tempfile.TemporaryDirectory() as kept:
