@@ -223,8 +223,17 @@ pub(crate) fn count_rows(width: usize) -> usize {
 
 /// Works on stretches of an image's rows in parallel; `work` gets the number of the first row and the values.
 pub(crate) fn rows<T: Send>(values: &mut [T], width: usize, work: impl Fn(usize, &mut [T]) + Sync + Send) {
-    let many = count_rows(width);
-    let stretches = values.par_chunks_mut(many * width.max(1)).enumerate();
+    rows_by(values, width, count_rows(width), work);
+}
+
+/// Works on stretches of `many` rows as [`rows`] does; a row has `stride` values.
+pub(crate) fn rows_by<T: Send>(
+    values: &mut [T],
+    stride: usize,
+    many: usize,
+    work: impl Fn(usize, &mut [T]) + Sync + Send,
+) {
+    let stretches = values.par_chunks_mut(many * stride.max(1)).enumerate();
     run(|| {
         stretches.for_each(|(k, part)| {
             go_on();

@@ -1,4 +1,4 @@
-//! What lies beside the ropes in an image: pixels of their table, and pieces that masks lost.
+//! Pixels beside the ropes in an image: those of their table, and pieces that masks lost.
 
 use super::bits::Bits;
 use super::image::{Run, find_blobs};
@@ -13,8 +13,8 @@ pub struct Pixels {
     pub depths: Vec<f64>,
 }
 
-/// Returns pixels with depth at most `reach` pixels around a mask but not within `margin` pixels of it, as seen at the
-/// corners and sides of a square. About twice `count` are looked at, on a grid.
+/// Returns pixels with depth in the box around a mask, `reach` pixels wider, that are farther than `margin` pixels from
+/// it. It looks at the corners and sides of a square around each of about twice `count` pixels on a grid.
 pub fn select_beside(mask: &Bits, depth: &[f64], reach: usize, margin: usize, count: f64) -> Pixels {
     let [width, height] = mask.size();
     let mut found = Pixels::default();
@@ -25,7 +25,8 @@ pub fn select_beside(mask: &Bits, depth: &[f64], reach: usize, margin: usize, co
     let (columns, rows) = (around(&columns, width), around(&rows, height));
     let area = (rows.len() * columns.len()) as f64;
     let step = ((area / (2.0 * count)).sqrt() as usize).max(1);
-    let near = |at: usize, size: usize| [at.saturating_sub(margin), at, (at + margin).min(size - 1)];
+    let near =
+        |at: usize, size: usize| [at.saturating_sub(margin), at, at.saturating_add(margin).min(size - 1)];
     for row in rows.step_by(step) {
         let beside = near(row, height);
         for column in columns.clone().step_by(step) {
@@ -73,9 +74,9 @@ pub fn find_pieces(
     let pieces = owned.iter().filter(|runs| !runs.is_empty()).map(|runs| {
         let first = runs.iter().map(|run| run.begin).min().unwrap_or(0).saturating_sub(margin);
         let last = runs.iter().map(|run| run.end).max().unwrap_or(0);
-        let wide = (last + margin).min(width) - first;
+        let wide = last.saturating_add(margin).min(width) - first;
         let top = runs[0].row.saturating_sub(margin);
-        let high = (runs[runs.len() - 1].row + 1 + margin).min(height) - top;
+        let high = (runs[runs.len() - 1].row + 1).saturating_add(margin).min(height) - top;
         let mut values = vec![false; wide * high];
         for run in runs {
             values[(run.row - top) * wide..][run.begin - first..run.end - first].fill(true);

@@ -23,8 +23,7 @@ pub fn measure_distances(image: &Image<bool>, of: bool, most: usize) -> Image<f3
     if found.values.is_empty() {
         return found;
     }
-    let many = parallel::count_rows(w);
-    let bands: Vec<Range<usize>> = (0..h).step_by(many).map(|first| first..(first + many).min(h)).collect();
+    let (many, bands) = list_bands(image);
     let columns = Columns::new(image, of, most, &bands);
     parallel::rows(&mut found.values, w, |first, part| columns.measure(first / many, part));
     found
@@ -56,11 +55,21 @@ pub fn measure_depths(mask: &Bits, pixels: &[usize]) -> Vec<f32> {
     found.concat()
 }
 
-/// Returns the distances of some rows of an image, as [`measure_distances`] does, but on this thread alone.
-pub fn measure_rows(image: &Image<bool>, of: bool, most: usize, rows: Range<usize>) -> Vec<f32> {
-    let mut found = vec![0.0; rows.len() * image.width];
-    Columns::new(image, of, most, &[rows]).measure(0, &mut found);
+/// Returns the distances of [`measure_distances`], row by row, but finds them on this thread alone.
+pub fn measure_alone(image: &Image<bool>, of: bool, most: usize) -> Vec<f32> {
+    let mut found = vec![0.0; image.values.len()];
+    let (many, bands) = list_bands(image);
+    let columns = Columns::new(image, of, most, &bands);
+    for (band, part) in found.chunks_mut((many * image.width).max(1)).enumerate() {
+        columns.measure(band, part);
+    }
     found
+}
+
+/// Returns the number of rows of a band, and the bands of an image.
+fn list_bands(image: &Image<bool>) -> (usize, Vec<Range<usize>>) {
+    let (many, height) = (parallel::count_rows(image.width), image.height);
+    (many, (0..height).step_by(many).map(|first| first..(first + many).min(height)).collect())
 }
 
 /// Distances of `of` pixels along the columns of an image to the nearest other pixel, at most `far`, band by band.
@@ -220,17 +229,17 @@ fn find_envelope(g: &[u16], begin: usize, end: usize, far: u16, sites: &mut Vec<
     sites.clear();
     starts.clear();
     for i in (begin..end).filter(|&i| g[i] < far) {
-        // whole numbers of an image's size are exact
-        let (across, down) = (i as u32 as f32, f32::from(g[i]));
-        let high = across * across + down * down;
+        let square = |g: u16| i64::from(g) * i64::from(g);
         loop {
             let Some(&last) = sites.last() else {
                 sites.push(i as u32);
                 starts.push(f32::NEG_INFINITY);
                 break;
             };
-            let (across, down) = (last as f32, f32::from(g[last as usize]));
-            let meet = (high - (across * across + down * down)) / (2 * (i as u32 - last)) as f32;
+            // squares of columns of a wide image are too large for single precision, their difference mostly is not
+            let (apart, middle) = (i as i64 - i64::from(last), i as i64 + i64::from(last));
+            let higher = square(g[i]) - square(g[last as usize]);
+            let meet = (apart * middle + higher) as f32 / (2 * apart) as f32;
             if meet <= *starts.last().unwrap_or(&f32::NEG_INFINITY) {
                 sites.pop();
                 starts.pop();
@@ -274,6 +283,20 @@ mod tests {
                     assert!((found.values[k] - expected).abs() < 1e-5, "{} for {expected}", found.values[k]);
                 }
             }
+        }
+    }
+
+    #[test]
+    fn distances_in_wide_images_are_exact() {
+        let width = 24_000;
+        let mut image = Image::filled(width, 3, true);
+        let others: Vec<usize> = (0..).map(|k| 40 + k * k / 7 + 5 * k).take_while(|&x| x < width).collect();
+        others.iter().for_each(|&x| image.values[x % 3 * width + x] = false);
+        let found = measure_distances(&image, true, width);
+        for (k, &away) in found.values.iter().enumerate().step_by(11) {
+            let square = |&x: &usize| (k % width).abs_diff(x).pow(2) + (k / width).abs_diff(x % 3).pow(2);
+            let expected = others.iter().map(square).min().unwrap();
+            assert!((away - (expected as f32).sqrt()).abs() < 1e-3, "{k}: {away}");
         }
     }
 

@@ -1,13 +1,13 @@
 //! Signed distances from a mask's edge, in tiles that are found when somebody asks for them.
 //!
-//! Of a large image, only the pixels near ropes are asked for. A tile sees the mask in a window around it, and the whole
+//! Callers ask only for pixels near ropes. A tile sees the mask in a window around it, and the whole
 //! mask if the edge is not in that. Threads that ask for the same tile get the same numbers.
 
 use std::ops::Range;
 use std::sync::OnceLock;
 
 use super::bits::{Bits, WORD_PIXELS, select};
-use super::distances::measure_rows;
+use super::distances::measure_alone;
 use super::image::{Image, smoothing_kernel};
 use super::runs::Mask;
 use crate::parallel;
@@ -19,7 +19,7 @@ const STRIDE: usize = SIDE + 1; // of a tile's rows: tiles overlap by a pixel, s
 const SMOOTHING: f64 = 1.0; // standard deviation of the smoothing, pixels
 const HALO: usize = 3; // reach of the smoothing, pixels
 const WIDE: usize = 48; // a tile's side with the halo, in whole registers
-const NEAR: usize = 56; // distances that are sought in the first window, pixels
+const NEAR: usize = 64; // distances that are sought in the first window, pixels: enough for tiles 10 pixels from an edge
 const FAR: u8 = NEAR as u8 + 1; // farther pixels count as this far
 const WINDOW: usize = WIDE + 2 * NEAR; // columns of this window
 const TOGETHER: usize = 8; // columns to each side that are looked at between checks
@@ -196,7 +196,7 @@ impl EdgeDistances {
                 self.inside.unpack(row, 0, &mut bytes);
                 image.values.extend(bytes.iter().map(|&byte| byte != 0));
             }
-            measure_rows(&image, of, width + height, 0..height)
+            measure_alone(&image, of, width + height)
         })
     }
 }
@@ -367,6 +367,21 @@ mod tests {
         let signed = Image { values, ..inner };
         let smooth = signed.smoothed(SMOOTHING);
         [signed, smooth]
+    }
+
+    #[test]
+    fn tiles_near_an_edge_need_no_distances_of_the_whole_image() {
+        let (width, height) = (200, 170);
+        for corner in 0..SIDE * SIDE / 7 {
+            // the corner of a wide mask, or of what it leaves out, anywhere in a tile
+            let (x, y) = (64 + 7 * corner % SIDE, 64 + 7 * corner / SIDE);
+            let outside = corner % 2 == 0;
+            let value = |k: usize| (k % width < x || k / width < y) != outside;
+            let values: Vec<bool> = (0..width * height).map(value).collect();
+            let found = EdgeDistances::new(Bits::pack(&values, width), 3, 400);
+            found.find_edges(10);
+            assert!(found.whole.iter().all(|whole| whole.get().is_none()), "{x}, {y}");
+        }
     }
 
     #[test]

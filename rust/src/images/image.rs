@@ -33,8 +33,9 @@ impl Image<f32> {
     /// least 0.
     pub fn magnified(&self, scale: usize, level: f32) -> Bits {
         let mut made = Bits::new(self.width * scale, self.height * scale);
-        let stride = made.stride;
-        parallel::rows(made.rows_mut(), stride, |first, part| {
+        // a word has many pixels
+        let (stride, many) = (made.stride, parallel::count_rows(self.width * scale));
+        parallel::rows_by(made.rows_mut(), stride, many, |first, part| {
             magnify(self, scale, level, first, stride, part)
         });
         made

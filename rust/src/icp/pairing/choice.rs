@@ -1,4 +1,4 @@
-//! What the lists and bounds of a batch tell at a pose.
+//! Choices that the lists and bounds of a batch allow at a pose.
 //!
 //! Distances are in cells' widths. Places are relative to the anchor of each lane.
 

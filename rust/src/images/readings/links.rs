@@ -201,7 +201,7 @@ kernel! {
             for l in 0..LANES {
                 found |= u32::from(squares[l] == least) << l;
             }
-            (*number, *square) = (*number + found.trailing_zeros() as usize - NEAR, least);
+            (*number, *square) = (*number + (found.trailing_zeros() as usize).min(2 * NEAR) - NEAR, least);
         }
     }
 }
