@@ -152,6 +152,7 @@ def fit_readings(
     errors: Errors,
     config: Config,
     known: Sequence[Explanation] = (),
+    steps: int = _STEPS,
 ) -> list[tuple[Reading, ImageFit]]:
     """Fit readings to all views, but for those with known fits; drop those whose ropes have no depth."""
     poses = (config.poses.rotation_sd, config.poses.translation_sd)
@@ -159,7 +160,7 @@ def fit_readings(
     new = [reading for reading in readings if reading not in fits]
     hypotheses = [(reading.view, reading.chains) for reading in new]
     among = choose_compared(len(images.radii), held)
-    fitted = images.fit(hypotheses, table, held, poses, errors.values, _STEPS, False, among)
+    fitted = images.fit(hypotheses, table, held, poses, errors.values, steps, False, among)
     fits.update(zip(new, fitted, strict=True))
     return [(reading, fit) for reading in readings if (fit := fits[reading]) is not None]
 
