@@ -52,8 +52,8 @@ pub struct Piece {
     pub values: Vec<bool>,
 }
 
-/// Returns the connected pieces of chosen pixels farther than `reach` pixels from a mask, whose number of pixels is in
-/// a range, with `margin` pixels around each.
+/// Returns the connected pieces of chosen pixels farther than `reach` pixels from a mask, with `margin` pixels around
+/// each. `sizes` tells which numbers of pixels they may have.
 pub fn find_pieces(
     chosen: &Bits,
     mask: &Bits,

@@ -101,8 +101,8 @@ pub(super) fn count_odd_pixels(py: Python<'_>, mask: &Bound<'_, PyAny>) -> PyRes
     released(py, move || Bits::pack(mask.slice(), width).count_odd_pixels().into())
 }
 
-/// Return rows, columns and depths (N,) of pixels with depth at most `reach` pixels around a mask but not within `margin`
-/// pixels of it. About twice `count` are looked at, on a grid.
+/// Return rows, columns and depths (N,) of pixels with depth in the box around a mask, `reach` pixels wider, that are
+/// farther than `margin` pixels from it. About twice `count` pixels on a grid are examined.
 #[pyfunction]
 #[allow(clippy::type_complexity)]
 pub(super) fn select_beside<'py>(
@@ -125,9 +125,9 @@ pub(super) fn select_beside<'py>(
     Ok((list(py, found.rows)?, list(py, found.columns)?, list(py, found.depths)?))
 }
 
-/// Return the connected pieces of chosen pixels farther than `reach` pixels from a mask, whose number of pixels over
-/// `unit` is between two limits: for each, the first row and column of a part of the image with `margin` pixels around
-/// the piece, and which pixels of the part are the piece's.
+/// Return the connected pieces of chosen pixels farther than `reach` pixels from a mask. The number of pixels of each,
+/// over `unit`, is between two limits. A piece has a part of the image, with `margin` pixels around it: the first row
+/// and column of the part, and which of its pixels are the piece's.
 #[pyfunction]
 pub(super) fn find_pieces_beside<'py>(
     py: Python<'py>,

@@ -69,7 +69,7 @@ impl Profile {
         Self { ceilings: cut(&self.ceilings), observed, chains, stiffness, density: self.density }
     }
 
-    /// Returns how many samples before and after a place bear on its depth, with depths of a noise of `sigma` radii.
+    /// Returns how many samples on each side bear on the depth at a place, if all depths have `sigma` radii of noise.
     ///
     /// Far from all changes, a spline with w (x − z)² + s x″² has s x⁗ = −w x, and so falls by e over √2 (s / w)^¼.
     pub fn measure_reach(&self, sigma: f64) -> usize {
