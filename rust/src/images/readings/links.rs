@@ -45,6 +45,32 @@ pub struct Link {
     pub dropped: bool,
 }
 
+/// Two ports of a zone, and the skeleton's way between them.
+#[derive(Debug, Clone)]
+pub struct Passage {
+    tails: [Vec<Place>; 2],
+    /// Empty if the skeleton does not lead from one to the other.
+    way: Vec<Place>,
+}
+
+impl Passage {
+    pub fn new(skeleton: &Skeleton, network: &Network, ports: [Port; 2]) -> Self {
+        let tails = ports.map(|port| take_tail(network, port));
+        let [from, to] = [0, 1].map(|k| tails[k][tails[k].len() - 1]);
+        let zone = &network.zones[ports[0].zone as usize - 1];
+        let way = skeleton.way(zone, from, to).unwrap_or_default();
+        Self { tails, way }
+    }
+
+    /// Returns the bits of its numbers, which equal passages share.
+    pub fn bits(&self) -> Vec<u64> {
+        let parts = [&self.tails[0], &self.tails[1], &self.way];
+        let lengths = parts.map(|part| part.len() as u64);
+        let numbers = parts.into_iter().flatten().flatten().map(|number| number.to_bits());
+        lengths.into_iter().chain(numbers).collect()
+    }
+}
+
 /// Votes of a mask's edges for the axis: places a radius inside.
 pub struct Votes {
     places: Vec<Place>,
@@ -240,26 +266,17 @@ fn find_direction(tail: &[Place], nodes: usize) -> Place {
     if tail.len() < 2 { [0.0; 2] } else { unit([b[0] - a[0], b[1] - a[1]]) }
 }
 
-/// Finds the best curve through a zone between two ports.
-pub fn make_link(
-    silhouette: &Silhouette,
-    votes: &Votes,
-    skeleton: &Skeleton,
-    network: &Network,
-    ports: [Port; 2],
-) -> Option<Link> {
+/// Finds the best curve through a passage.
+pub fn make_link(silhouette: &Silhouette, votes: &Votes, passage: &Passage) -> Option<Link> {
     let radius_px = silhouette.radius_px;
-    let [ta, tb] = ports.map(|p| take_tail(network, p));
+    let [ta, tb] = &passage.tails;
     let (a, b) = (ta[ta.len() - 1], tb[tb.len() - 1]);
-    let (da, db) = (find_direction(&ta, 5), find_direction(&tb, 5));
-    let zone = &network.zones[ports[0].zone as usize - 1];
+    let (da, db) = (find_direction(ta, 5), find_direction(tb, 5));
     let mut starts = Vec::new();
-    if let Some(way) = skeleton.way(zone, a, b)
-        && way.len() > 2
-    {
+    if passage.way.len() > 2 {
         // as wide as 3 r s passes over the s pixels of a magnified mask to each of the image
         let passes = 3.0 * radius_px / silhouette.strokes.scale as f64;
-        starts.push(smoothed(&resampled(&way, 1.0), passes.ceil() as usize));
+        starts.push(smoothed(&resampled(&passage.way, 1.0), passes.ceil() as usize));
     }
     starts.push(hermite(a, da, b, [-db[0], -db[1]]));
     let mut best: Option<Link> = None;
@@ -278,7 +295,7 @@ pub fn make_link(
         if n < 5 {
             continue;
         }
-        let (na, nb, total) = (length(&ta), length(&tb), length(&full));
+        let (na, nb, total) = (length(ta), length(tb), length(&full));
         let at = |i: usize| total * i as f64 / (n - 1) as f64;
         let anchors: Vec<f64> = (0..n)
             .map(|i| if at(i) < na - radius_px || at(i) > total - nb + radius_px { 1.0 } else { 0.0 })

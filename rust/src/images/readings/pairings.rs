@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::links::{Link, Votes, make_free_end, make_link};
+use super::links::{Link, Passage, Votes, make_free_end, make_link};
 use super::network::{Network, Port, Skeleton};
 use super::planar::{Place, cross, distance, nearest};
 use crate::images::silhouette::Silhouette;
@@ -17,6 +17,15 @@ const MAX_PORTS: usize = 24; // ports of a zone at most that are all joined with
 const PARTNERS: usize = 16; // nearest partners of each port in larger zones
 /// Joints that are examined at most.
 const MAX_WORK: usize = MAX_TRIED * MAX_PORTS * MAX_PORTS * MAX_PORTS;
+
+/// A zone of a reading of a skeleton, and its ports.
+pub struct Zone<'a> {
+    pub skeleton: &'a Skeleton,
+    pub network: &'a Network,
+    /// Its number among the network's zones.
+    pub number: usize,
+    pub ports: Vec<Port>,
+}
 
 /// A link between two ports of a zone, or from a port to a rope's end.
 #[derive(Debug, Clone)]
@@ -197,37 +206,56 @@ fn choose_partners(network: &Network, ports: &[Port]) -> Vec<Vec<bool>> {
     chosen
 }
 
-/// Ranks the ways to join the ports of a zone; tries at most `most` of them.
-pub fn rank_pairings(
-    silhouette: &Silhouette,
-    votes: &Votes,
-    skeleton: &Skeleton,
-    network: &Network,
-    zone: usize,
-    ports: &[Port],
-    most: usize,
-) -> Pairings {
-    let radius_px = silhouette.radius_px;
+/// Ranks the ways to join the ports of each zone; tries at most `most` ways of each.
+pub fn rank_pairings(silhouette: &Silhouette, votes: &Votes, zones: &[Zone], most: usize) -> Vec<Pairings> {
+    let passages = parallel::map(zones, list_passages);
+    // zones of different readings share passages
+    let mut different: Vec<&Passage> = Vec::new();
+    let mut known: HashMap<Vec<u64>, usize> = HashMap::new();
+    let mut find_number = |passage| {
+        *known.entry(Passage::bits(passage)).or_insert_with(|| {
+            different.push(passage);
+            different.len() - 1
+        })
+    };
+    let numbers: Vec<Vec<usize>> =
+        passages.iter().map(|own| own.iter().map(|(_, passage)| find_number(passage)).collect()).collect();
+    let links = parallel::map(&different, |passage| make_link(silhouette, votes, passage));
+    let with_links: Vec<(&Zone, Vec<Joint>)> = zones
+        .iter()
+        .zip(passages.iter().zip(&numbers))
+        .map(|(zone, (own, numbers))| {
+            let joints = own.iter().zip(numbers).filter_map(|(&((a, b), _), &number)| {
+                Some(Joint { ports: (a, Some(b)), link: links[number].clone()? })
+            });
+            (zone, joints.collect())
+        })
+        .collect();
+    parallel::map(&with_links, |(zone, joints)| rank_ways(silhouette, zone, joints.clone(), most))
+}
+
+/// Returns the pairs of a zone's ports that are worth a link, with the passages between them.
+fn list_passages(zone: &Zone) -> Vec<((usize, usize), Passage)> {
+    let Zone { skeleton, network, ports, .. } = zone;
     let partners = choose_partners(network, ports);
-    let pairs: Vec<(usize, usize)> = (0..ports.len())
+    (0..ports.len())
         .flat_map(|a| (a + 1..ports.len()).map(move |b| (a, b)))
         .filter(|&(a, b)| {
             let long = network.segments[ports[a].segment].points.len() >= 8;
             partners[a][b] && (ports[a].segment != ports[b].segment || long)
         })
-        .collect();
-    let links = parallel::map(&pairs, |&(a, b)| {
-        make_link(silhouette, votes, skeleton, network, [ports[a], ports[b]])
-    });
-    let mut joints: Vec<Joint> = pairs
-        .iter()
-        .zip(links)
-        .filter_map(|(&(a, b), link)| Some(Joint { ports: (a, Some(b)), link: link? }))
-        .collect();
+        .map(|(a, b)| ((a, b), Passage::new(skeleton, network, [ports[a], ports[b]])))
+        .collect()
+}
+
+/// Ranks the ways to join the ports of a zone by links or by free ends; tries at most `most` of them.
+fn rank_ways(silhouette: &Silhouette, zone: &Zone, mut joints: Vec<Joint>, most: usize) -> Pairings {
+    let Zone { skeleton, network, number, ports } = zone;
+    let radius_px = silhouette.radius_px;
     for (a, &port) in ports.iter().enumerate() {
         joints.push(Joint { ports: (a, None), link: make_free_end(silhouette, network, port) });
     }
-    let region = Region::new(silhouette, skeleton, network, &network.zones[zone]);
+    let region = Region::new(silhouette, skeleton, network, &network.zones[*number]);
     let covers: Vec<Vec<u64>> =
         joints.iter().map(|j| region.covered(&j.link.full, 1.2 * radius_px + 0.3)).collect();
     let mut least = vec![f64::INFINITY; ports.len()];

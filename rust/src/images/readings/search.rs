@@ -1,13 +1,12 @@
 //! Whole readings of a mask: all ways to join all ports of its zones, the likeliest first.
 
 use std::collections::{BTreeMap, BinaryHeap, HashSet};
-use std::sync::Arc;
 
 use super::ends::lead_on;
 use super::gaps::{KnownCurves, join_pieces};
 use super::links::{TAIL, Votes, price_course};
 use super::network::{Network, SPURS, Skeleton};
-use super::pairings::{Pairings, UNCOVERED, rank_pairings};
+use super::pairings::{Pairings, UNCOVERED, Zone, rank_pairings};
 use super::planar::{Place, cleaned, distance, length, resampled};
 use super::refine::refined;
 use crate::images::image::find_blobs;
@@ -43,9 +42,9 @@ pub struct Reading {
 
 /// Where a port leads.
 #[derive(Clone)]
-struct Lead {
+struct Lead<'a> {
     to: Option<usize>,
-    pairings: Arc<Pairings>,
+    pairings: &'a Pairings,
     joint: usize,
     turned: bool,
 }
@@ -86,11 +85,15 @@ pub fn find_readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize)
             candidate.zones.push((ports, known));
         }
     }
-    let pairings = parallel::map(&places, |&(number, zone)| {
-        let Candidate { skeleton, network, zones, .. } = &candidates[number];
-        let own: Vec<_> = zones[zone].0.iter().map(|&p| network.ports[p]).collect();
-        Arc::new(rank_pairings(silhouette, &votes, skeleton, network, zone, &own, MAX_TRIED / places.len()))
-    });
+    let zones: Vec<Zone> = places
+        .iter()
+        .map(|&(candidate, number)| {
+            let Candidate { skeleton, network, zones, .. } = &candidates[candidate];
+            let ports = zones[number].0.iter().map(|&p| network.ports[p]).collect();
+            Zone { skeleton, network, number, ports }
+        })
+        .collect();
+    let pairings = rank_pairings(silhouette, &votes, &zones, MAX_TRIED / zones.len().max(1));
     let found = parallel::map(&candidates, |candidate| search(silhouette, candidate, &pairings, ropes, most));
     let mut found = found.concat();
     found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -234,13 +237,13 @@ fn is_alike(a: &[Vec<Place>], b: &[Vec<Place>], radius_px: f64) -> bool {
 fn search(
     silhouette: &Silhouette,
     candidate: &Candidate,
-    pairings: &[Arc<Pairings>],
+    pairings: &[Pairings],
     ropes: Option<usize>,
     most: usize,
 ) -> Vec<Reading> {
     let radius_px = silhouette.radius_px;
     let network = &candidate.network;
-    let zones: Vec<(&[usize], &Arc<Pairings>)> =
+    let zones: Vec<(&[usize], &Pairings)> =
         candidate.zones.iter().map(|(ports, known)| (&ports[..], &pairings[*known])).collect();
     let price = |choice: &[usize]| -> f64 {
         choice.iter().zip(&zones).map(|(&i, (_, p))| p.ways.get(i).map_or(0.0, |w| w.cost)).sum()
@@ -320,19 +323,18 @@ impl Ord for Ordered {
 /// Returns the chains of one choice of ways, and the number of rings.
 fn assemble(
     network: &Network,
-    zones: &[(&[usize], &Arc<Pairings>)],
+    zones: &[(&[usize], &Pairings)],
     choice: &[usize],
     radius_px: f64,
 ) -> (Vec<Vec<Place>>, usize) {
-    let mut next: Vec<Option<Lead>> = vec![None; network.ports.len()];
+    let mut next: Vec<Option<Lead<'_>>> = vec![None; network.ports.len()];
     let mut used = vec![false; network.segments.len()];
     let mut hidden_ends = Vec::new();
     for ((ports, pairings), &way) in zones.iter().zip(choice) {
         let Some(way) = pairings.ways.get(way) else { continue };
         for &joint in &way.joints {
             let (a, b) = pairings.joints[joint].ports;
-            let lead =
-                |to: Option<usize>, turned: bool| Lead { to, pairings: Arc::clone(pairings), joint, turned };
+            let lead = |to: Option<usize>, turned: bool| Lead { to, pairings, joint, turned };
             next[ports[a]] = Some(lead(b.map(|b| ports[b]), false));
             match b {
                 Some(b) => next[ports[b]] = Some(lead(Some(ports[a]), true)),
@@ -379,7 +381,7 @@ fn assemble(
 fn walk(
     network: &Network,
     port_of: &[[Option<usize>; 2]],
-    next: &[Option<Lead>],
+    next: &[Option<Lead<'_>>],
     used: &mut [bool],
     mut segment: usize,
     mut leave: usize,
