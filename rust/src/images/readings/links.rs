@@ -28,6 +28,7 @@ const TRIAL: usize = 3; // steps of a fit after which hopeless curves are given 
 /// A curve is hopeless if it costs this many times as much as two ends and the mask that it can cover.
 const HOPELESS: f64 = 2.0;
 const BARE: f64 = 2.0; // cost of uncovered mask, for each radius of the curve
+const ALIKE: f64 = 0.25; // distance from another curve below which a fit ends as that curve, image radii
 const GOOD: f64 = 0.5; // a curve that costs less needs no other start
 const MAX_LENGTH: f64 = 100.0; // length of a curve through a zone at most, image radii
 
@@ -109,8 +110,15 @@ impl Votes {
 
 /// Fits a polyline to the mask: the edge is a radius away, the tube is inside, and bending is small.
 ///
-/// `anchors` holds each node with a weight in 1/radius². None if the curve cannot belong to a good reading.
-pub fn fit(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f64]) -> Option<Vec<Place>> {
+/// `anchors` holds each node with a weight in 1/radius². None if the curve cannot belong to a good reading, or comes
+/// near the `known` curve from another start.
+pub fn fit(
+    silhouette: &Silhouette,
+    votes: &Votes,
+    p: &[Place],
+    anchors: &[f64],
+    known: &[Place],
+) -> Option<Vec<Place>> {
     let radius_px = silhouette.radius_px;
     let n = p.len();
     let h = length(p) / (n - 1) as f64 / radius_px;
@@ -126,6 +134,9 @@ pub fn fit(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f64])
     for iteration in 0..8 {
         let most_cost = HOPELESS * (2.0 * FREE_END + BARE * h * (n - 1) as f64);
         if iteration == TRIAL && price_curve(silhouette, &x) > most_cost {
+            return None;
+        }
+        if is_alike(&x, known, ALIKE * radius_px) {
             return None;
         }
         let reach = if iteration < 4 { 1.3 } else { 0.8 };
@@ -232,6 +243,20 @@ kernel! {
     }
 }
 
+/// Returns whether two polylines run through the same places, at equal shares of their nodes.
+fn is_alike(p: &[Place], q: &[Place], within: f64) -> bool {
+    if q.len() < 2 {
+        return false;
+    }
+    let scale = (q.len() - 1) as f64 / (p.len() - 1) as f64;
+    p.iter().enumerate().all(|(i, &x)| {
+        let at = i as f64 * scale;
+        let k = (at as usize).min(q.len() - 2);
+        let t = at - k as f64;
+        distance(x, [0, 1].map(|c| q[k][c] + t * (q[k + 1][c] - q[k][c]))) <= within
+    })
+}
+
 /// Returns the lower rows of the matrix of bending and its change: entries for each node and the three before it.
 pub fn make_smoothness(n: usize, h: f64, weights: [f64; 2]) -> Vec<[f64; 4]> {
     let mut rows = vec![[0.0; 4]; n];
@@ -300,7 +325,8 @@ pub fn make_link(silhouette: &Silhouette, votes: &Votes, passage: &Passage) -> O
         let anchors: Vec<f64> = (0..n)
             .map(|i| if at(i) < na - radius_px || at(i) > total - nb + radius_px { 1.0 } else { 0.0 })
             .collect();
-        let Some(full) = fit(silhouette, votes, &full, &anchors) else { continue };
+        let known = best.as_ref().map_or(&[][..], |link| &link.full);
+        let Some(full) = fit(silhouette, votes, &full, &anchors, known) else { continue };
         let cost = price_curve(silhouette, &full);
         if best.as_ref().is_none_or(|b| cost < b.cost) {
             let first = (0..n).find(|&i| at(i) >= na).unwrap_or(n);

@@ -147,7 +147,7 @@ fn a_curve_is_fitted_to_an_arc() {
         .enumerate()
         .map(|(i, x)| [x[0] + 3.0 * (i as f64).sin(), x[1] + 3.0 * (2.0 * i as f64).cos()])
         .collect();
-    let found = fit(&seen, &Votes::new(&seen), &start, &vec![0.0; start.len()]).unwrap();
+    let found = fit(&seen, &Votes::new(&seen), &start, &vec![0.0; start.len()], &[]).unwrap();
     for x in &found[4..found.len() - 4] {
         let off = (x[0] - 120.0).hypot(x[1] - 60.0) - 70.0;
         assert!(off.abs() < 0.1 * RADIUS_PX, "{off}");
