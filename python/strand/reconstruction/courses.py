@@ -30,17 +30,19 @@ def sample_courses(chains: Chains) -> list[Course]:
     return found
 
 
-def are_same_courses(some: Sequence[Course], others: Sequence[Course], radius: float) -> bool:
-    """Tell whether two sets of courses pair up, in either direction of each."""
+def are_same_courses(
+    some: Sequence[Course], others: Sequence[Course], radius: float, max_offset: float = _MAX_OFFSET
+) -> bool:
+    """Tell whether two sets of courses pair up, in either direction of each, within `max_offset` radii."""
     if len(some) != len(others):
         return False
     left = list(others)
     for places, length, closed in some:
         for k, (theirs, their_length, their_closed) in enumerate(left):
-            if closed != their_closed or abs(length - their_length) >= _MAX_OFFSET * radius:
+            if closed != their_closed or abs(length - their_length) >= max_offset * radius:
                 continue
             away = (((places - way) ** 2).sum(axis=1).max() for way in (theirs, theirs[::-1]))
-            if min(away) < (_MAX_OFFSET * radius) ** 2:
+            if min(away) < (max_offset * radius) ** 2:
                 del left[k]
                 break
         else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,8 +11,10 @@ from strand._core import ImageFit, RopeImages
 from strand.config import Config
 from strand.geometry.plane import Plane
 from strand.geometry.polyline import find_runs, path_length
+from strand.reconstruction.courses import Course, are_same_courses, sample_courses
 from strand.reconstruction.evidence.prior import LENGTH_COST, MAX_LENGTH_COST
 from strand.reconstruction.evidence.visibility import Visibility, sort_rays
+from strand.reconstruction.images.image_nodes import correct_poses
 from strand.reconstruction.images.labels import count_label_changes
 from strand.reconstruction.images.pixel_errors import Errors
 from strand.reconstruction.stages import Observed
@@ -38,6 +40,8 @@ _MAX_OUTSIDE = 2.0  # squared radii of tube outside masks: with more, ropes may 
 _MAX_READINGS = 6  # readings of each view
 _MAX_MORE = 5.0  # cost above the best reading's: those that cost more are not fitted
 _MIN_READINGS = 2  # readings that are fitted whatever they cost
+_LOST = 5.0  # cost above the best explanation's: such a course has lost
+_SAME = 1.5  # image radii: a reading that is nearer to a fit's course is the same course
 _MAX_COMPARED = 24  # views by which readings are compared; all fit the best one
 _MAX_FITTED = 10_000.0  # radii of rope in the readings that are fitted, for each view up to two
 _MAX_LONGER = 4.0  # times the longest reading's length: ropes found otherwise that are longer are noise
@@ -178,12 +182,50 @@ def fit_and_rank(
 ) -> list[Explanation]:
     """Fit readings to all views; return the explanations, the best first.
 
-    `taken` are the images in whose pixels readings are. Explanations in `known` keep their fits.
+    `taken` are the images in whose pixels readings are. Explanations in `known` keep their fits. Readings of
+    one view are fitted first. Other views mostly have the same readings, and those that lost are not fitted
+    again.
+    """
+
+    def rank(some: Sequence[Reading], fitted: Sequence[Explanation]) -> list[Explanation]:
+        pairs = fit_readings(images, some, table, held, errors, config, fitted)
+        return _rank(pairs, observed, taken)
+
+    fitted = {one.reading for one in known}
+    first = [reading for reading in readings if reading.view == readings[0].view or reading in fitted]
+    found = rank(first, known)
+    others = [one for one in readings if one not in first and not _has_lost(one, found, images, taken)]
+    return rank([*first, *others], [*known, *found]) if others else found
+
+
+def _has_lost(
+    reading: Reading, found: Sequence[Explanation], images: RopeImages, taken: Sequence[DepthImage]
+) -> bool:
+    """Tell whether a reading's ropes run as those of an explanation that costs much more than the best."""
+    image = taken[reading.view]
+    course = _sample_pixels(reading.chains)
+    for one in found:
+        if one.cost > found[0].cost + _LOST:
+            (pose,) = correct_poses([image.pose], one.fit.corrections[reading.view][None])
+            seen = _sample_pixels([replace(image, pose=pose).project(nodes) for nodes in one.fit.nodes])
+            if are_same_courses(course, seen, images.radii[reading.view], _SAME):
+                return True
+    return False
+
+
+def _sample_pixels(chains: Sequence[Array]) -> list[Course]:
+    """Return the courses of chains, (M, 2) columns and rows each, pixels."""
+    return sample_courses([(np.pad(nodes, ((0, 0), (0, 1))), False) for nodes in chains])
+
+
+def _rank(
+    pairs: Sequence[tuple[Reading, ImageFit]], observed: Observed, taken: Sequence[DepthImage]
+) -> list[Explanation]:
+    """Return readings with their fits by cost, the best first.
 
     Depth counts less where even the best hypothesis fits it worse than its noise allows. Then images count
     more.
     """
-    pairs = fit_readings(images, readings, table, held, errors, config, known)
     if not pairs:
         return []
     misfits = np.array([fit.misfit for _, fit in pairs])

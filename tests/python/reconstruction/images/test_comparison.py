@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
+
 import strand
+from strand.reconstruction.images import comparison
 from strand.reconstruction.images.comparison import Explanation, Reading, fit_readings
 from strand.reconstruction.images.pixel_errors import Errors
+from strand.synthetic import Camera, Segmentation, scene
 
 
 def test_known_fits_are_kept_in_the_order_of_the_readings():
@@ -22,3 +26,21 @@ def test_known_fits_are_kept_in_the_order_of_the_readings():
     pairs = fit_readings(images, [first, known, last], None, 0, Errors(), strand.Config(), explanations)
     assert len(asked) == 2
     assert pairs == [(first, "first"), (known, "known")]
+
+
+def test_a_course_that_lost_is_not_fitted_again_for_other_views(monkeypatch):
+    made = scene("overhand", views=3, seed=2, camera=Camera("zed", size=(320, 240)), mask=Segmentation())
+    fitted = []
+
+    def fit_and_count(images, readings, table, held, errors, config, known):
+        fitted[-1] += len(readings) - len(known)
+        return fit_readings(images, readings, table, held, errors, config, known)
+
+    monkeypatch.setattr(comparison, "fit_readings", fit_and_count)
+    nodes = []
+    for lost in (comparison._LOST, np.inf):
+        monkeypatch.setattr(comparison, "_LOST", lost)
+        fitted.append(0)
+        nodes.append(strand.reconstruct(made.views, made.radius, made.bounds, ropes=1).chains[0].points)
+    assert fitted[0] < fitted[1]
+    assert np.array_equal(*nodes)
