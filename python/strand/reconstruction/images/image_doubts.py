@@ -31,6 +31,10 @@ _USUAL_OUTSIDE = 2.0  # squared radii of such tube that raise no doubt
 _WIDE = 0.8  # doubt per pixel that masks are too wide on each side
 _USUAL_WIDE = 1.25  # pixels too wide that raise no doubt
 _SLIMMED = 0.25  # part of that doubt where depth shows how wide ropes are
+_UNEVEN = (
+    1.0  # doubt for each time that ropes are wider at their nearest place in an image than at their farthest
+)
+_USUAL_UNEVEN = 1.6  # ratio that raises no doubt
 _MAX_NOISE_ON_TABLE = 0.5  # doubt where masks show the course, and a table how high ropes lie
 _NOISE = 3.0  # doubt per radius of noise
 _BARE = 0.05  # doubt per radius of a stretch without depth
@@ -126,6 +130,20 @@ def doubt_wide_masks(wider: float, slimmed: bool) -> Iterator[Doubt]:
     )
     amount = _WIDE * max(wider - _USUAL_WIDE, 0.0)
     yield Doubt("mask", _SLIMMED * amount if slimmed else amount, "of the ropes found", reason)
+
+
+def doubt_uneven_widths(views: Sequence[DepthImage], chains: Sequence[Array]) -> Iterator[Doubt]:
+    """Doubt ropes that are much wider in one part of an image than in another.
+
+    A mask is read as if its ropes had one width, and so strands are lost where they are thinner.
+    """
+    nodes = np.concatenate(chains)
+    depths = [(nodes - view.pose[:3, 3]) @ view.pose[:3, 2] for view in views]
+    ratios = [float(each.max() / max(each.min(), 1e-3 * each.max())) for each in depths]
+    view = int(np.argmax(ratios))
+    reason = f"ropes are {ratios[view]:.1f} times as wide in one part of view {view} as in another"
+    amount = min(_UNEVEN * max(ratios[view] - _USUAL_UNEVEN, 0.0), 1.0)
+    yield Doubt("mask", amount, "how the ropes run", reason, nodes[depths[view].argmax()])
 
 
 def doubt_ends_at_strands(chains: Sequence[Array], scatter: float, radius: float) -> Iterator[Doubt]:

@@ -25,6 +25,7 @@ from strand.reconstruction.images.facing_ends import doubt_facing_ends
 from strand.reconstruction.images.fat_masks import MIN_WIDER, measure_excess
 from strand.reconstruction.images.image_doubts import (
     doubt_ends_at_strands,
+    doubt_uneven_widths,
     doubt_wide_masks,
     drop_same_courses,
     find_doubts,
@@ -204,6 +205,7 @@ def make_answer(read: Interpretation, observed: Observed, config: Config, run: R
     others = [
         *doubt_ends_at_strands(fit.nodes, read.scatter or 0.0, radius),
         *doubt_wide_masks(wider, slimmed=wider > read.excess + MIN_WIDER),
+        *doubt_uneven_widths(views, fit.nodes),
     ]
     if read.scatter is None:
         # where depths scatter, masks were made of what stands out

@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 import strand
-from strand.reconstruction.images.image_doubts import _locate_difference, doubt_ends_at_strands
+from strand.reconstruction.images.image_doubts import (
+    _locate_difference,
+    doubt_ends_at_strands,
+    doubt_uneven_widths,
+)
 from strand.synthetic import Camera, Layout, Segmentation, scene
 
 RADIUS = 0.004
@@ -91,3 +95,14 @@ def test_ends_are_doubted_farther_from_strands_where_depths_scatter():
     for scatter, doubted in ((0.0, 0), (0.6, 1)):
         found = list(doubt_ends_at_strands([along, across], scatter * RADIUS, RADIUS))
         assert sum(doubt.amount > 0.0 for doubt in found) == doubted
+
+
+def test_ropes_twice_as_wide_in_one_part_of_an_image_are_doubted_at_the_far_part():
+    view = strand.View.from_depth(np.full((48, 64), 0.5), np.diag([60.0, 60.0, 1.0]), np.eye(4)).image
+    ropes = [np.linspace((0.0, 0.0, near), (0.1, 0.0, near), 9) for near in (0.3, 0.4)]
+    (usual,) = doubt_uneven_widths([view], ropes)
+    assert usual.amount == 0.0
+    (doubt,) = doubt_uneven_widths([view], [*ropes, ropes[0] + [0.0, 0.0, 0.3]])
+    assert doubt.amount > 0.3
+    assert doubt.place[2] == pytest.approx(0.6)
+    assert "2.0 times as wide" in doubt.reason
