@@ -8,10 +8,11 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import ImageFit
-from strand.geometry.polyline import find_runs
+from strand.geometry.polyline import find_runs, path_length
 from strand.reconstruction.courses import Course, are_same_courses, sample_courses
 from strand.reconstruction.evidence.confidence import MIN_DOUBT, SCALE, USUAL_NOISE
 from strand.reconstruction.images.comparison import Explanation
+from strand.reconstruction.images.other_courses import cut_over_table
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
@@ -39,6 +40,8 @@ _MAX_NOISE_ON_TABLE = 0.5  # doubt where masks show the course, and a table how 
 _NOISE = 3.0  # doubt per radius of noise
 _BARE = 0.05  # doubt per radius of a stretch without depth
 _USUAL_BARE = 6.0  # radii of a stretch without depth that raise no doubt: a strand on top hides them
+_OVER_TABLE = 1.6  # doubt per radius of a stretch over bare table
+_MAX_OVER_TABLE = 2.4  # doubt of such a stretch at most
 _MIN_PLACED_DOUBT = 0.05  # smaller doubts of uncovered mask have no place
 
 _OWN_NODES = 16  # nodes at an end that are not another strand
@@ -161,6 +164,15 @@ def doubt_ends_at_strands(chains: Sequence[Array], scatter: float, radius: float
             away = float(np.sqrt(((others - end) ** 2).sum(axis=1).min())) / radius
             amount = _END * min(max((near - away) / _END_SCALE, 0.0), 1.0)
             yield Doubt("end", amount, "where the rope ends", "another strand is next to it", end)
+
+
+def doubt_over_table(views: Sequence[DepthImage], chains: Sequence[Array], radius: float) -> Iterator[Doubt]:
+    """Doubt stretches where views show the table beneath ropes. Depths have far less noise than a radius."""
+    for stretch in cut_over_table(views, chains, radius)[1]:
+        length = path_length(stretch)[-1]
+        amount = min(_OVER_TABLE * float(length) / radius, _MAX_OVER_TABLE)
+        reason = f"cameras saw the table along {length * 1e3:.0f} mm of it; the rope may end there"
+        yield Doubt("gap", amount, "how the rope runs", reason, stretch[len(stretch) // 2])
 
 
 def _doubt_bare_stretches(chains: Sequence[Chain]) -> Iterator[Doubt]:

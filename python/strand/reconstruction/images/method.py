@@ -25,6 +25,7 @@ from strand.reconstruction.images.facing_ends import doubt_facing_ends
 from strand.reconstruction.images.fat_masks import MIN_WIDER, measure_excess
 from strand.reconstruction.images.image_doubts import (
     doubt_ends_at_strands,
+    doubt_over_table,
     doubt_uneven_widths,
     doubt_wide_masks,
     drop_same_courses,
@@ -211,6 +212,8 @@ def make_answer(read: Interpretation, observed: Observed, config: Config, run: R
         # where depths scatter, masks were made of what stands out
         others += doubt_ends_beyond_masks(views, fit.nodes, fit.noise, radius)
         others += doubt_facing_ends(fit.nodes, radius)
+    else:
+        others += doubt_over_table(views, fit.nodes, radius)
     resting = read.table is not None and all(observed.masked)
     doubts = find_doubts(rivals, fit, chains, views, radius, others, resting)
     chains = sorted(chains, key=lambda chain: -chain.length)

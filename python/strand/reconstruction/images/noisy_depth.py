@@ -31,6 +31,7 @@ from strand.reconstruction.images.comparison import (
 from strand.reconstruction.images.image_ends import move_ends
 from strand.reconstruction.images.image_nodes import correct_poses, iterate_squared_distances
 from strand.reconstruction.images.method import Interpretation
+from strand.reconstruction.images.other_courses import cut_over_table, list_swapped, reach_tip
 from strand.reconstruction.images.outlines import average_pixels, estimate_mean_noise, outline_ropes
 from strand.reconstruction.images.pixel_errors import Errors
 from strand.reconstruction.images.prepare import prepare_images
@@ -38,7 +39,7 @@ from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
-from strand.views.view import View
+from strand.views.view import View, pictured
 
 _OUTLINE_WEIGHTS = (0.5, 0.9, 1.4)  # cost of a pixel's length of outline, one mask for each
 _MASK_OF_TUBES = 2  # number of the mask in which tubes are sought; 0 is that of smoothed heights
@@ -49,7 +50,8 @@ _MIN_LENGTH = 5.0  # radii: shorter ropes are noise
 _STEPS = 8  # steps of a fit: ends move longer in wide noise
 _MAX_REFITS = 10  # explanations that are fitted again
 _MAX_MOVED = 4  # explanations whose ends are moved
-_ROUNDS = 2  # moves of the ends of one explanation
+_ROUNDS = 2  # moves of the ends of one explanation, and searches for other courses
+_MAX_LESS = 0.02  # of the best gain: other courses that gain less by more are dropped after their first fit
 _OVERLAP_COST = 2.0  # per radius of rope that runs within another strand
 _MIN_AXIS_DISTANCE = 1.3  # radii: a rope whose axis is nearer to another strand's runs within it
 _OWN_NODES = 12  # nodes of a rope before and after one that are not another strand
@@ -173,16 +175,15 @@ def read_noisy_depth(
     scene = _Scene(table, held, noise, radius, Errors(), config)
     with run.stage("explain"):
         best = _find_best(scene, masks, readings, run)
-    if not best:
-        raise NotEnoughDataError(_NO_ROPE)
-    unit = _GAIN_UNIT * max(best[0].gain, 1.0)
-    costs = [
-        ROPE_COST * len(each.one.fit.nodes)
-        + _OVERLAP_COST * _measure_overlap(each.one.fit.nodes, radius)
-        + penalize_lengths(each.one.fit, observed)
-        - each.gain / unit
-        for each in best
-    ]
+        if not best:
+            raise NotEnoughDataError(_NO_ROPE)
+        costs = _price(best, observed)
+        for _ in range(_ROUNDS):
+            likeliest = best[int(np.argmin(costs))]
+            best += _try_other_courses(scene, likeliest, observed.prior.ropes, run)
+            costs = _price(best, observed)
+            if best[int(np.argmin(costs))] is likeliest:
+                break
     order = np.argsort(costs, kind="stable")
     likeliest = best[order[0]]
     if likeliest.gain < _MIN_GAIN:
@@ -214,7 +215,9 @@ def _find_ropes_as_tubes(
     if not all(len(view.points) for view in views):
         return []
     bounds = None if observed.bounds is None else observed.bounds.grown(radius)
-    smooth = replace(observed, views=tuple(views), whole=tuple(views), bounds=bounds)
+    # images show that nothing is where a join would lead over the table
+    whole = [pictured(view, image) for view, image in zip(observed.whole, taken, strict=True)]
+    smooth = replace(observed, views=tuple(views), whole=tuple(whole), bounds=bounds)
     # its stages are one step of this one
     quiet = replace(run, progress=None, timings={}, warnings=[])
     try:
@@ -262,6 +265,57 @@ def _find_best(
             best = int(np.argmax(gains))
             again[place] = _Candidate(gains[best], several[best], again[place].masks)
     return sorted(_drop_short(again, scene.radius), key=lambda each: -each.gain)
+
+
+def _price(found: Sequence[_Candidate], observed: Observed) -> list[float]:
+    """Return the costs of candidates."""
+    unit = _GAIN_UNIT * max(1.0, *(each.gain for each in found))
+    radius = float(observed.radii.values[0])
+    return [
+        ROPE_COST * len(each.one.fit.nodes)
+        + _OVERLAP_COST * _measure_overlap(each.one.fit.nodes, radius)
+        + penalize_lengths(each.one.fit, observed)
+        - each.gain / unit
+        for each in found
+    ]
+
+
+def _try_other_courses(scene: _Scene, best: _Candidate, ropes: int | None, run: Run) -> list[_Candidate]:
+    """Fit ropes that run otherwise where the best ones end on a strand, or without bridges over bare table.
+
+    Return those that depth agrees with nearly as much, or more.
+    """
+    if run.skips("other courses where ropes end on strands"):
+        return []
+    images, chains, view = best.masks.images, best.one.fit.nodes, best.one.reading.view
+    poses = correct_poses([image.pose for image in best.masks.taken], best.one.fit.corrections)
+    taken = [replace(image, pose=pose) for image, pose in zip(best.masks.taken, poses, strict=True)]
+    ways = []
+    for swapped in list_swapped(chains, scene.radius):
+        ways.append(swapped)
+        longer = reach_tip(taken[view], swapped, scene.table.normal, scene.radius)
+        if longer is not None:
+            ways.append(longer)
+    kept, cut = cut_over_table(taken, chains, scene.radius)
+    if cut and kept and (ropes is None or len(kept) <= ropes):
+        ways.append(kept)
+    readings = [
+        replace(best.one.reading, chains=[taken[view].project(nodes) for nodes in way]) for way in ways
+    ]
+    found = []
+    for one in scene.fit(images, readings):
+        several = [one]
+        gains = scene.measure_gains(images, several)
+        if gains[0] < (1.0 - _MAX_LESS) * best.gain:
+            continue
+        several.append(scene.refit(images, one))
+        gains += scene.measure_gains(images, several[1:])
+        if gains[1] > best.gain:
+            several.append(scene.move_ends(images, several[1]))
+            gains += scene.measure_gains(images, several[2:])
+        likeliest = int(np.argmax(gains))
+        found.append(_Candidate(gains[likeliest], several[likeliest], best.masks))
+    return found
 
 
 def _drop_short(found: Sequence[_Candidate], radius: float) -> list[_Candidate]:
