@@ -136,17 +136,19 @@ def doubt_wide_masks(wider: float, slimmed: bool) -> Iterator[Doubt]:
 
 
 def doubt_uneven_widths(views: Sequence[DepthImage], chains: Sequence[Array]) -> Iterator[Doubt]:
-    """Doubt ropes that are much wider in one part of an image than in another.
+    """Doubt ropes that are much wider in one part of the only view than in another.
 
-    A mask is read as if its ropes had one width, and so strands are lost where they are thinner.
+    A mask is read as if its ropes had one width, and so strands are lost where they are thinner. Several views
+    show the lost ones.
     """
+    if len(views) > 1:
+        return
     nodes = np.concatenate(chains)
-    depths = [(nodes - view.pose[:3, 3]) @ view.pose[:3, 2] for view in views]
-    ratios = [float(each.max() / max(each.min(), 1e-3 * each.max())) for each in depths]
-    view = int(np.argmax(ratios))
-    reason = f"ropes are {ratios[view]:.1f} times as wide in one part of view {view} as in another"
-    amount = min(_UNEVEN * max(ratios[view] - _USUAL_UNEVEN, 0.0), 1.0)
-    yield Doubt("mask", amount, "how the ropes run", reason, nodes[depths[view].argmax()])
+    depths = (nodes - views[0].pose[:3, 3]) @ views[0].pose[:3, 2]
+    ratio = float(depths.max() / max(depths.min(), 1e-3 * depths.max()))
+    reason = f"ropes are {ratio:.1f} times as wide in one part of the view as in another"
+    amount = min(_UNEVEN * max(ratio - _USUAL_UNEVEN, 0.0), 1.0)
+    yield Doubt("mask", amount, "how the ropes run", reason, nodes[depths.argmax()])
 
 
 def doubt_ends_at_strands(chains: Sequence[Array], scatter: float, radius: float) -> Iterator[Doubt]:

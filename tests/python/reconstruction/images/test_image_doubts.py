@@ -106,3 +106,4 @@ def test_ropes_twice_as_wide_in_one_part_of_an_image_are_doubted_at_the_far_part
     assert doubt.amount > 0.3
     assert doubt.place[2] == pytest.approx(0.6)
     assert "2.0 times as wide" in doubt.reason
+    assert not list(doubt_uneven_widths([view, view], ropes))
