@@ -138,8 +138,8 @@ def doubt_wide_masks(wider: float, slimmed: bool) -> Iterator[Doubt]:
 def doubt_uneven_widths(views: Sequence[DepthImage], chains: Sequence[Array]) -> Iterator[Doubt]:
     """Doubt ropes that are much wider in one part of the only view than in another.
 
-    A mask is read as if its ropes had one width, and so strands are lost where they are thinner. Several views
-    show the lost ones.
+    A mask is read as if its ropes had one width, and so strands are lost where they are thinner. Several
+    views show the lost ones.
     """
     if len(views) > 1:
         return
