@@ -21,6 +21,10 @@ from strand.reconstruction.tubes.noise import Noise, measure_noise
 from strand.reconstruction.tubes.pixels import Cameras
 from strand.reconstruction.tubes.tube_ends import find_extents
 
+_ROUGH_STEPS = 10  # steps of the first fit, with given radii
+_STEPS = 20  # steps of the last one
+_STEPS_OF_RADII = 30  # steps of both with free radii
+
 
 def fit_ropes(
     clouds: Clouds,
@@ -83,7 +87,7 @@ def fit_ropes(
             radius_prior=radii.prior,
             along_ray=True,
             band=(0.5, 0.5),
-            iterations=30 if radii.free else 20,
+            iterations=_STEPS_OF_RADII if radii.free else _STEPS if uncertainty else _ROUGH_STEPS,
             tolerance=0.1 if uncertainty else ROUGH_TOLERANCE,
             bounds=clouds.hull if radii.free else None,
             end_observations=ends,
