@@ -32,9 +32,7 @@ _USUAL_OUTSIDE = 2.0  # squared radii of such tube that raise no doubt
 _WIDE = 0.8  # doubt per pixel that masks are too wide on each side
 _USUAL_WIDE = 1.25  # pixels too wide that raise no doubt
 _SLIMMED = 0.25  # part of that doubt where depth shows how wide ropes are
-_UNEVEN = (
-    1.0  # doubt for each time that ropes are wider at their nearest place in an image than at their farthest
-)
+_UNEVEN = 1.0  # doubt per ratio of the ropes' greatest and least width in an image
 _USUAL_UNEVEN = 1.6  # ratio that raises no doubt
 _MAX_NOISE_ON_TABLE = 0.5  # doubt where masks show the course, and a table how high ropes lie
 _NOISE = 3.0  # doubt per radius of noise
