@@ -63,8 +63,8 @@ DOUBTS = (
 - "noise": the noise is wide compared with the rope.
 - "prior": an answer that ignores a prior explains the points better.
 - "points": too few points lie on the ropes.
-- "mask": masks are too wide, the inside of one does not stand out from its surroundings, or ropes in one are
-  much wider at one place than at another.
+- "mask": masks are too wide, or the inside of one does not stand out from its surroundings. Or ropes are much
+  wider in one part of a mask than in another.
 - "pose": poses moved farther than their stated error.
 - "radius": ropes or their masks look thicker or thinner than the given radius.
 - "range": ropes leave the extraction range.

@@ -40,7 +40,7 @@ _MAX_OUTSIDE = 2.0  # squared radii of tube outside masks: with more, ropes may 
 _MAX_READINGS = 6  # readings of each view
 _MAX_MORE = 5.0  # cost above the best reading's: those that cost more are not fitted
 _MIN_READINGS = 2  # readings that are fitted whatever they cost
-_LOST = 5.0  # cost above the best explanation's: such a course has lost
+_LOST = 7.0  # cost above the best explanation's: such a course has lost, seen from any view
 _SAME = 1.5  # image radii: a reading that is nearer to a fit's course is the same course
 _MAX_COMPARED = 24  # views by which readings are compared; all fit the best one
 _MAX_FITTED = 10_000.0  # radii of rope in the readings that are fitted, for each view up to two
@@ -81,11 +81,14 @@ class Explanation:
     fit : ImageFit
     cost : float
         Of the fit, its reading, and what they leave unexplained in images and depth.
+    reading_cost : float
+        The part of it that the reading has, with its changes of labels.
     """
 
     reading: Reading
     fit: ImageFit
     cost: float
+    reading_cost: float = 0.0
 
 
 def find_likely_readings(
@@ -195,17 +198,19 @@ def fit_and_rank(
     first = [reading for reading in readings if reading.view == readings[0].view or reading in fitted]
     found = rank(first, known)
     others = [one for one in readings if one not in first and not _has_lost(one, found, images, taken)]
-    return rank([*first, *others], [*known, *found]) if others else found
+    return rank([*(one.reading for one in found), *others], found) if others else found
 
 
 def _has_lost(
     reading: Reading, found: Sequence[Explanation], images: RopeImages, taken: Sequence[DepthImage]
 ) -> bool:
-    """Tell whether a reading's ropes run as those of an explanation that costs much more than the best."""
+    """Tell whether a reading's ropes run as those of an explanation and cost much more than the best."""
     image = taken[reading.view]
     course = _sample_pixels(reading.chains)
     for one in found:
-        if one.cost > found[0].cost + _LOST:
+        # bends and labels that another view shows are no cost of this one
+        likely = one.cost - one.reading_cost + _READING_COST * reading.cost
+        if likely > found[0].cost + _LOST:
             (pose,) = correct_poses([image.pose], one.fit.corrections[reading.view][None])
             seen = _sample_pixels([replace(image, pose=pose).project(nodes) for nodes in one.fit.nodes])
             if are_same_courses(course, seen, images.radii[reading.view], _SAME):
@@ -233,19 +238,20 @@ def _rank(
     trust = min(1.0, float((depths / np.maximum(depth, 1e-9)).min()))
     costs = _UNCOVERED_COST * uncovered + _OUTSIDE_COST * outside + _SPILLED_COST * spilled
     costs += trust * (_DEPTH_COST * depth + _BEND_COST * bend + _BEND_CHANGE_COST * change)
-    costs += (_READING_COST + 1.0 - trust) * np.array([reading.cost for reading, _ in pairs])
+    reading_costs = (_READING_COST + 1.0 - trust) * np.array([reading.cost for reading, _ in pairs])
     costs += ROPE_COST * np.array([len(reading.chains) for reading, _ in pairs])
     costs += [penalize_lengths(fit, observed) for _, fit in pairs]
     costs += [_SHARP_COST * _measure_sharp_bends(fit, float(observed.radii.values[0])) for _, fit in pairs]
     changes = np.array([_count_label_changes(reading, observed, taken) for reading, _ in pairs])
     if not changes.min():
         # else each label is a piece of a rope, or labels are wrong
-        costs += _LABEL_COST * changes
+        reading_costs += _LABEL_COST * changes
+    costs += reading_costs
     if outside[costs.argmin()] > _MAX_OUTSIDE:
         visibility = sort_rays(observed.whole, [view.pose for view in observed.whole], observed.views)
         costs += [_penalize_free_space(fit, visibility, observed) for _, fit in pairs]
     order = np.argsort(costs, kind="stable")
-    return [Explanation(pairs[k][0], pairs[k][1], float(costs[k])) for k in order]
+    return [Explanation(pairs[k][0], pairs[k][1], float(costs[k]), float(reading_costs[k])) for k in order]
 
 
 def _measure_sharp_bends(fit: ImageFit, radius: float) -> float:

@@ -134,19 +134,19 @@ def doubt_wide_masks(wider: float, slimmed: bool) -> Iterator[Doubt]:
 
 
 def doubt_uneven_widths(views: Sequence[DepthImage], chains: Sequence[Array]) -> Iterator[Doubt]:
-    """Doubt ropes that are much wider in one part of the only view than in another.
+    """Doubt ropes that are much wider in one part of every view than in another.
 
-    A mask is read as if its ropes had one width, and so strands are lost where they are thinner. Several
-    views show the lost ones.
+    A mask is read as if its ropes had one width, and so strands are lost where they are thinner. A view from
+    elsewhere shows them wider.
     """
-    if len(views) > 1:
-        return
     nodes = np.concatenate(chains)
-    depths = (nodes - views[0].pose[:3, 3]) @ views[0].pose[:3, 2]
-    ratio = float(depths.max() / max(depths.min(), 1e-3 * depths.max()))
-    reason = f"ropes are {ratio:.1f} times as wide in one part of the view as in another"
-    amount = min(_UNEVEN * max(ratio - _USUAL_UNEVEN, 0.0), 1.0)
-    yield Doubt("mask", amount, "how the ropes run", reason, nodes[depths.argmax()])
+    depths = np.array([(nodes - view.pose[:3, 3]) @ view.pose[:3, 2] for view in views])
+    nearest = np.maximum(depths.min(axis=1), 1e-3 * depths.max(axis=1))
+    ratios = (depths / nearest[:, None]).min(axis=0)
+    place = int(ratios.argmax())
+    reason = f"ropes are {ratios[place]:.1f} times as wide elsewhere as here"
+    amount = min(_UNEVEN * max(float(ratios[place]) - _USUAL_UNEVEN, 0.0), 1.0)
+    yield Doubt("mask", amount, "how the ropes run", reason, nodes[place])
 
 
 def doubt_ends_at_strands(chains: Sequence[Array], scatter: float, radius: float) -> Iterator[Doubt]:

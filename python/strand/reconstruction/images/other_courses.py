@@ -101,9 +101,12 @@ def reach_tip(image: DepthImage, chains: Sequence[Array], normal: Array, radius:
     left, top = (max(int(at) - reach, 0) for at in middle)
     part = (slice(top, max(top, int(middle[1]) + reach)), slice(left, max(left, int(middle[0]) + reach)))
     rows, columns = np.nonzero(image.mask[part] & (image.depth[part] > 0))
+    rows, columns = rows + top, columns + left
+    heading = middle - image.project(nodes[-_HEADING:][:1])[0]
+    ahead = (columns - middle[0]) * heading[0] + (rows - middle[1]) * heading[1] > 0.0
+    rows, columns = rows[ahead], columns[ahead]
     if not len(rows):
         return None
-    rows, columns = rows + top, columns + left
     seen = image.project(np.vstack(chains))
     places = np.column_stack([columns, rows, np.zeros(len(rows))])
     away = _core.find_squared_distances(places, np.column_stack([seen, np.zeros(len(seen))]))

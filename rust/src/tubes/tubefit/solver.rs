@@ -26,7 +26,7 @@ const EFFICIENT: f64 = 4.685;
 /// of the unknowns.
 const SETTLED: f64 = 2.0;
 const FIRST_STEPS: usize = 2; // steps before Tukey's limit follows the scatter of the residuals
-const LEAST_STEPS: [usize; 2] = [2, 4]; // steps at least, without and with uncertainty
+const LEAST_STEPS: [usize; 2] = [2, 4]; // steps at least, without and with uncertainty; a continued fit took two
 /// The data fix a direction of a pose if its standard deviation is below this share of the reported pose's.
 const FIXED: f64 = std::f64::consts::FRAC_1_SQRT_2;
 const HOLD: f64 = 1e4; // in other directions the view is held with this multiple of the reported precision

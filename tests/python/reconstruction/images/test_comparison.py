@@ -8,7 +8,7 @@ import numpy as np
 
 import strand
 from strand.reconstruction.images import comparison
-from strand.reconstruction.images.comparison import Explanation, Reading, fit_readings
+from strand.reconstruction.images.comparison import Explanation, Reading, _has_lost, fit_readings
 from strand.reconstruction.images.pixel_errors import Errors
 from strand.synthetic import Camera, Segmentation, scene
 
@@ -44,3 +44,16 @@ def test_a_course_that_lost_is_not_fitted_again_for_other_views(monkeypatch):
         nodes.append(strand.reconstruct(made.views, made.radius, made.bounds, ropes=1).chains[0].points)
     assert fitted[0] < fitted[1]
     assert np.array_equal(*nodes)
+
+
+def test_a_course_does_not_lose_by_labels_and_bends_that_only_its_own_view_shows():
+    image = strand.View.from_depth(np.full((48, 64), 0.5), np.diag([60.0, 60.0, 1.0]), np.eye(4)).image
+    nodes = np.linspace((0.1, 0.1, 0.5), (0.4, 0.3, 0.5), 40)
+    fit = SimpleNamespace(nodes=[nodes], corrections=np.zeros((2, 6)))
+    best = Explanation(Reading(0.0, 0, []), SimpleNamespace(nodes=[nodes[::-1][:20]]), 30.0)
+    other = Reading(2.0, 1, [image.project(nodes)])
+    for reading_cost, lost in ((1.0, True), (8.0, False)):
+        found = [best, Explanation(Reading(2.0, 0, []), fit, 40.0, reading_cost)]
+        assert _has_lost(other, found, SimpleNamespace(radii=[2.0, 2.0]), [image, image]) == lost
+    elsewhere = Reading(2.0, 1, [image.project(nodes) + 5.0])
+    assert not _has_lost(elsewhere, found, SimpleNamespace(radii=[2.0, 2.0]), [image, image])

@@ -106,4 +106,12 @@ def test_ropes_twice_as_wide_in_one_part_of_an_image_are_doubted_at_the_far_part
     assert doubt.amount > 0.3
     assert doubt.place[2] == pytest.approx(0.6)
     assert "2.0 times as wide" in doubt.reason
-    assert not list(doubt_uneven_widths([view, view], ropes))
+    ropes = [*ropes, ropes[0] + [0.0, 0.0, 0.3]]
+    (again,) = doubt_uneven_widths([view, view], ropes)
+    assert again.amount == doubt.amount
+    # from the other side, far ropes are near ones
+    below = np.diag([1.0, -1.0, -1.0, 1.0])
+    below[2, 3] = 0.9
+    turned = dataclasses.replace(view, pose=below)
+    (seen,) = doubt_uneven_widths([view, turned], ropes)
+    assert seen.amount == 0.0

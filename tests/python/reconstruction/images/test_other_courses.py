@@ -96,6 +96,9 @@ def test_a_rope_is_led_on_to_a_tip_that_the_mask_shows():
     assert np.array_equal(longer[: len(short)], short)
     assert np.linalg.norm(longer[-1] - rope[-1]) < 1.6 * RADIUS
     assert reach_tip(image, [other, rope], UP, RADIUS) is None
+    # another rope that no chain covers lies behind the last node
+    *_, longer = reach_tip(image, [short], UP, RADIUS)
+    assert np.linalg.norm(longer[-1] - rope[-1]) < 1.6 * RADIUS
     # the tip lies behind the last node
     assert reach_tip(image, [other, short[::-1]], UP, RADIUS) is None
 
