@@ -96,11 +96,15 @@ def test_a_rope_is_led_on_to_a_tip_that_the_mask_shows():
     assert np.array_equal(longer[: len(short)], short)
     assert np.linalg.norm(longer[-1] - rope[-1]) < 1.6 * RADIUS
     assert reach_tip(image, [other, rope], UP, RADIUS) is None
-    # another rope that no chain covers lies behind the last node
-    *_, longer = reach_tip(image, [short], UP, RADIUS)
-    assert np.linalg.norm(longer[-1] - rope[-1]) < 1.6 * RADIUS
     # the tip lies behind the last node
     assert reach_tip(image, [other, short[::-1]], UP, RADIUS) is None
+
+
+def test_a_tip_is_found_beside_an_unread_rope_that_lies_behind():
+    image, (rope, _) = image_of([line((-22, 0, 1), (22, 0, 1)), line((8, -8, 1), (14, -8, 1))])
+    every = round(SPACING / np.linalg.norm(rope[1] - rope[0]))
+    (longer,) = reach_tip(image, [rope[: -12 * every : every]], UP, RADIUS)
+    assert np.linalg.norm(longer[-1] - rope[-1]) < 1.6 * RADIUS
 
 
 def test_ropes_are_not_joined_over_table_that_noisy_depth_shows(measure):
