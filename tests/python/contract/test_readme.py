@@ -126,7 +126,7 @@ def test_wrong_answers_are_those_of_the_page_on_confidence():
 
 
 def test_times_are_those_of_the_tables():
-    cases = {row["case"]: row for row in read_results("cases.py --turns 2 --against PATH") if "case" in row}
+    cases = {row["case"]: row for row in read_results("cases.py --turns 3 --against PATH") if "case" in row}
     wanted = [
         f"{float(cases[case][column]):.0f}"
         for case in ("paper", "published")

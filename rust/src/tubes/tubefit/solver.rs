@@ -26,7 +26,6 @@ const EFFICIENT: f64 = 4.685;
 /// of the unknowns.
 const SETTLED: f64 = 2.0;
 const FIRST_STEPS: usize = 2; // steps before Tukey's limit follows the scatter of the residuals
-const LEAST_STEPS: [usize; 2] = [2, 4]; // steps at least, without and with uncertainty; a continued fit took two
 /// The data fix a direction of a pose if its standard deviation is below this share of the reported pose's.
 const FIXED: f64 = std::f64::consts::FRAC_1_SQRT_2;
 const HOLD: f64 = 1e4; // in other directions the view is held with this multiple of the reported precision
@@ -41,7 +40,6 @@ impl State<'_> {
             false => (0, f64::INFINITY, Vec::new()),
         };
         let last = if options.uncertainty { sums_for_steps(options) } else { Wanted::Nothing };
-        let least_steps = LEAST_STEPS[usize::from(options.uncertainty)];
         let mut iteration = taken;
         loop {
             let share = iteration as f64 / options.iterations.saturating_sub(1).max(1) as f64;
@@ -61,7 +59,7 @@ impl State<'_> {
             }
             step = self.step(&terms, options)?;
             iteration += 1;
-            if !self.stiffen(options) && iteration >= least_steps && step < options.tolerance {
+            if !self.stiffen(options) && iteration > FIRST_STEPS + 1 && step < options.tolerance {
                 let terms = self.terms(options, &bands, Some(terms), last);
                 return self.result(terms, &bands, iteration - taken, options);
             }
