@@ -180,7 +180,10 @@ def read_noisy_depth(
         costs = _price(best, observed)
         for _ in range(_ROUNDS):
             likeliest = best[int(np.argmin(costs))]
-            best += _try_other_courses(scene, likeliest, observed.prior.ropes, run)
+            more = _try_other_courses(scene, likeliest, observed.prior.ropes, run)
+            if not more:
+                break
+            best += more
             costs = _price(best, observed)
             if best[int(np.argmin(costs))] is likeliest:
                 break

@@ -96,14 +96,13 @@ def reach_tip(image: DepthImage, chains: Sequence[Array], normal: Array, radius:
     """
     *others, nodes = chains
     pixels = radius * image.camera.focal[0] / image.distance
-    (middle,) = image.project(nodes[-1:])
+    before, middle = image.project(nodes[[-_HEADING, -1]])
     reach = int(_MAX_WAY * pixels) + 1
     left, top = (max(int(at) - reach, 0) for at in middle)
     part = (slice(top, max(top, int(middle[1]) + reach)), slice(left, max(left, int(middle[0]) + reach)))
     rows, columns = np.nonzero(image.mask[part] & (image.depth[part] > 0))
     rows, columns = rows + top, columns + left
-    heading = middle - image.project(nodes[-_HEADING:][:1])[0]
-    ahead = (columns - middle[0]) * heading[0] + (rows - middle[1]) * heading[1] > 0.0
+    ahead = (np.column_stack([columns, rows]) - middle) @ (middle - before) > 0.0
     rows, columns = rows[ahead], columns[ahead]
     if not len(rows):
         return None

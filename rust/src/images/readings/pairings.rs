@@ -221,17 +221,14 @@ pub fn rank_pairings(silhouette: &Silhouette, votes: &Votes, zones: &[Zone], mos
     let numbers: Vec<Vec<usize>> =
         passages.iter().map(|own| own.iter().map(|(_, passage)| find_number(passage)).collect()).collect();
     let links = parallel::map(&different, |passage| make_link(silhouette, votes, passage));
-    let with_links: Vec<(&Zone, Vec<Joint>)> = zones
-        .iter()
-        .zip(passages.iter().zip(&numbers))
-        .map(|(zone, (own, numbers))| {
-            let joints = own.iter().zip(numbers).filter_map(|(&((a, b), _), &number)| {
-                Some(Joint { ports: (a, Some(b)), link: links[number].clone()? })
-            });
-            (zone, joints.collect())
-        })
-        .collect();
-    parallel::map(&with_links, |(zone, joints)| rank_ways(silhouette, zone, joints.clone(), most))
+    let all: Vec<usize> = (0..zones.len()).collect();
+    parallel::map(&all, |&zone| {
+        let own = passages[zone].iter().zip(&numbers[zone]);
+        let joints = own.filter_map(|(&((a, b), _), &number)| {
+            Some(Joint { ports: (a, Some(b)), link: links[number].clone()? })
+        });
+        rank_ways(silhouette, &zones[zone], joints.collect(), most)
+    })
 }
 
 /// Returns the pairs of a zone's ports that are worth a link, with the passages between them.

@@ -102,11 +102,11 @@ def test_ropes_twice_as_wide_in_one_part_of_an_image_are_doubted_at_the_far_part
     ropes = [np.linspace((0.0, 0.0, near), (0.1, 0.0, near), 9) for near in (0.3, 0.4)]
     (usual,) = doubt_uneven_widths([view], ropes)
     assert usual.amount == 0.0
-    (doubt,) = doubt_uneven_widths([view], [*ropes, ropes[0] + [0.0, 0.0, 0.3]])
+    ropes = [*ropes, ropes[0] + [0.0, 0.0, 0.3]]
+    (doubt,) = doubt_uneven_widths([view], ropes)
     assert doubt.amount > 0.3
     assert doubt.place[2] == pytest.approx(0.6)
     assert "2.0 times as wide" in doubt.reason
-    ropes = [*ropes, ropes[0] + [0.0, 0.0, 0.3]]
     (again,) = doubt_uneven_widths([view, view], ropes)
     assert again.amount == doubt.amount
     # from the other side, far ropes are near ones

@@ -32,17 +32,13 @@ def test_directions_that_the_points_leave_open_stay_as_reported():
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     along = np.diff(scene.truth[0][[0, -1]], axis=0)[0]
     along /= np.linalg.norm(along)
-    poses = strand.Config().poses
-    slips = []
     for given, found, sd in zip(scene.poses, model.poses, model.pose_sd, strict=True):
         moved = (found @ np.linalg.inv(given)) @ [*scene.truth[0].mean(axis=0), 1.0]
-        slips.append((moved[:3] - scene.truth[0].mean(axis=0)) @ along)
-        assert sd.max() < 1.01 * max(poses.rotation_sd, poses.translation_sd)
-    assert np.abs(slips).max() < 2.5 * poses.translation_sd
-    assert np.sqrt(np.mean(np.square(slips))) < poses.translation_sd
-    warnings = find_warnings(model, "open pose")
-    assert warnings
-    limits = np.repeat([poses.rotation_sd, poses.translation_sd], 3)
-    for warning in warnings:
+        assert abs((moved[:3] - scene.truth[0].mean(axis=0)) @ along) < 2e-3
+        assert sd.max() < 1.01 * max(strand.Config().poses.rotation_sd, strand.Config().poses.translation_sd)
+    poses = find_warnings(model, "open pose")
+    assert poses
+    limits = np.repeat([strand.Config().poses.rotation_sd, strand.Config().poses.translation_sd], 3)
+    for warning in poses:
         assert warning.amount == pytest.approx((model.pose_sd[warning.view] / limits).max())
         assert 0.8 < warning.amount < 1.01
