@@ -52,6 +52,8 @@ def _starts_late(chain: Chain) -> bool:
 
 def _find_earlier(chain: Chain, previous: Sequence[Chain]) -> Chain | None:
     """Return the earlier chain of the same rope: the nearest, if it is near enough."""
+    if not previous:
+        return None
     best, least = None, _MAX_DISTANCE * chain.length
     places = chain.at(np.linspace(0.0, chain.length, _PLACES))
     for before in previous:

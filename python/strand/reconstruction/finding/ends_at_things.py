@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
@@ -39,40 +40,53 @@ def doubt_ends_at_things(
     list of (Doubt, tuple of int)
         Each with the number of its chain.
     """
-    images = [view.image for view in views]
-    found: list[tuple[Doubt, tuple[int, ...]]] = []
-    for number, chain in enumerate(chains):
-        for at in () if chain.closed else (0.0, chain.length):
-            inward = abs(at - min(_BACK * chain.radius, chain.length))
-            end, back = chain.at([at, inward])
-            step = (end - back) / max(float(np.linalg.norm(end - back)), 1e-12) * chain.radius
-            places = end + np.outer(_STEPS, step)
-            if images and all(_hides(image, places, step, chain.radius, segmented) for image in images):
-                reason = "something stands in front of this end: the rope may go on behind it"
-                found.append((Doubt("hidden end", _DOUBT, "where a rope ends", reason, end), (number,)))
-    return found
+    images = [view.image for view in views if view.image is not None]
+    numbers = [number for number, chain in enumerate(chains) if not chain.closed for _ in range(2)]
+    if not images or len(images) < len(views) or not numbers:
+        return []
+    ends, steps = (np.concatenate(each) for each in zip(*map(_find_ends, chains), strict=True))
+    radii = np.array([chains[number].radius for number in numbers])
+    hidden = np.arange(len(ends))
+    for image in images:
+        hidden = hidden[_hides(image, ends[hidden], steps[hidden], radii[hidden], segmented)]
+        if not len(hidden):
+            break
+    reason = "something stands in front of this end: the rope may go on behind it"
+    return [
+        (Doubt("hidden end", _DOUBT, "where a rope ends", reason, ends[k]), (numbers[k],))
+        for k in hidden.tolist()
+    ]
 
 
-def _hides(image: DepthImage | None, places: Array, step: Array, radius: float, segmented: bool) -> bool:
-    """Tell whether an image shows something clearly in front of one of (N, 3) places, or beside it.
+def _find_ends(chain: Chain) -> tuple[Array, Array]:
+    """Return the (E, 3) ends of a chain, and the ways out of them, one radius long."""
+    if chain.closed:
+        return np.empty((0, 3)), np.empty((0, 3))
+    back = min(_BACK * chain.radius, chain.length)
+    ends, inner = chain.at([[0.0, chain.length], [back, chain.length - back]])
+    out = ends - inner
+    return ends, out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12) * chain.radius
 
-    They follow each other in the direction of a step.
+
+def _hides(image: DepthImage, ends: Array, steps: Array, radii: Array, segmented: bool) -> NDArray[np.bool_]:
+    """Tell at which of (E, 3) ends an image shows something clearly in front, or in front of places beside.
+
+    They are sought along steps (E, 3) out of the ends, one radius long.
     """
-    if image is None:
-        return False
-    aside = np.cross(step, image.pose[:3, 2])
-    aside *= _ASIDE * radius / max(float(np.linalg.norm(aside)), 1e-12)
-    places = np.concatenate([places, places + aside, places - aside])
-    rows, columns, inside = image.find_pixels(places)
+    aside = np.cross(steps, image.pose[:3, 2])
+    aside *= _ASIDE * radii[:, None] / np.maximum(np.linalg.norm(aside, axis=1, keepdims=True), 1e-12)
+    middle = ends + np.multiply.outer(_STEPS, steps)
+    places = np.stack([middle, middle + aside, middle - aside])
+    rows, columns, inside = (
+        some.reshape(places.shape[:-1]) for some in image.find_pixels(places.reshape(-1, 3))
+    )
     away = (places - image.pose[:3, 3]) @ image.pose[:3, 2]
     inside &= away > 0
-    shown = image.depth[rows[inside], columns[inside]]
-    before = away[inside] - shown
-    on_rope = image.mask[rows[inside], columns[inside]]
-    far = away[inside]
+    rows, columns = np.where(inside, rows, 0), np.where(inside, columns, 0)
+    shown = image.depth[rows, columns]
     least = np.where(
-        on_rope | (not segmented),
-        np.maximum(_IN_FRONT * radius, _MIN_DISTANCE * far),
-        np.maximum(_BESIDE * radius, _MIN_BESIDE * far),
+        image.mask[rows, columns] | (not segmented),
+        np.maximum(_IN_FRONT * radii, _MIN_DISTANCE * away),
+        np.maximum(_BESIDE * radii, _MIN_BESIDE * away),
     )
-    return bool(((shown > 0) & (before > least)).any())
+    return np.asarray((inside & (shown > 0) & (away - shown > least)).any(axis=(0, 1)))

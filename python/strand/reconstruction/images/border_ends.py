@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from strand._core import ImageFit, RopeImages
 from strand.geometry.polyline import path_length
@@ -22,6 +21,7 @@ _HEADING = 4.0  # radii before the border that give a rope's direction
 _MIN_ASIDE = 0.75  # radii: an end that lies as far from that direction is a hook along the border
 _MAX_EXTENSION = 3.0  # radii: a rope is extended to the border by no more
 _MIN_REST = 8.0  # radii that are left of a rope without its hook
+_OUTWARD = np.array([[-1.0], [1.0]])  # sign of the way out along a rope at its start and its stop
 
 
 def doubt_ends_at_border(
@@ -35,16 +35,17 @@ def doubt_ends_at_border(
         Each with the number of its chain.
     """
     found: list[tuple[Doubt, tuple[int, ...]]] = []
-    if not images:
+    numbers = [number for number, chain in enumerate(chains) if not chain.closed]
+    if not images or not numbers:
         return found
     reason = "the rope leaves the image there and may go on outside"
-    for number, chain in enumerate(chains):
-        ends = ((chain.points[0], -chain.tangents[0]), (chain.points[-1], chain.tangents[-1]))
-        for end, outward in () if chain.closed else ends:
-            places = np.stack([end, end + _AHEAD * chain.radius * outward])
-            at, ahead = np.max([_measure_margins(image, places, chain.radius) for image in images], axis=0)
-            if at < _NEAR or ahead < 0.0:
-                found.append((Doubt("cut end", _DOUBT, "where a rope ends", reason, end), (number,)))
+    ends = np.stack([chains[number].points[[0, -1]] for number in numbers])
+    outward = np.stack([chains[number].tangents[[0, -1]] * _OUTWARD for number in numbers])
+    radii = np.array([chains[number].radius for number in numbers])
+    places = np.stack([ends, ends + _AHEAD * radii[:, None, None] * outward])
+    at, ahead = _measure_margins(images, places.reshape(-1, 3)).reshape(2, len(numbers), 2)
+    for k, which in np.argwhere((at < _NEAR * radii[:, None]) | (ahead < 0.0)).tolist():
+        found.append((Doubt("cut end", _DOUBT, "where a rope ends", reason, ends[k, which]), (numbers[k],)))
     return found
 
 
@@ -55,9 +56,10 @@ def straighten_border_ends(
 
     It is the same fit if none does.
     """
-    if not views:
-        return fit
     chains = list(fit.nodes)
+    ends = np.concatenate([nodes[[0, -1]] for nodes in chains])
+    if not views or (_measure_margins(views, ends) >= _BIASED * radius).all():
+        return fit
     for number, nodes in enumerate(chains):
         for _ in range(2):
             # reversed for the other end, and back in order after it
@@ -71,7 +73,7 @@ def straighten_border_ends(
 def _straighten_end(nodes: Array, views: Sequence[DepthImage], radius: float) -> Array:
     """Return a rope whose last end, if it turns along the border, goes straight on to it instead."""
     s = path_length(nodes)
-    inside = np.max([_measure_margins(view, nodes, radius) for view in views], axis=0) >= _BIASED
+    inside = _measure_margins(views, nodes) >= _BIASED * radius
     if inside[-1] or not inside.any():
         return nodes
     last = len(nodes) - 1 - int(inside[::-1].argmax())
@@ -86,17 +88,20 @@ def _straighten_end(nodes: Array, views: Sequence[DepthImage], radius: float) ->
         return nodes
     step = s[-1] / (len(nodes) - 1)
     added = nodes[last] + np.arange(step, _MAX_EXTENSION * radius, step)[:, None] * ahead
-    shown = np.max([_measure_margins(view, added, radius) for view in views], axis=0) >= 0.0
+    shown = _measure_margins(views, added) >= 0.0
     return np.vstack([nodes[: last + 1], added[: int(np.append(shown, False).argmin())]])
 
 
-def _measure_margins(image: DepthImage, places: Array, radius: float) -> NDArray[np.float64]:
-    """(N,) Return how far places (N, 3) are inside an image's border, in radii, metres, of a rope there."""
-    z = (places - image.pose[:3, 3]) @ image.pose[:3, 2]
-    height, width = image.depth.shape
+def _measure_margins(images: Sequence[DepthImage], places: Array) -> Array:
+    """(N,) Return how far places (N, 3) are inside the border of one of the images, metres.
+
+    It is that of the image that shows most around a place, and -inf behind all cameras.
+    """
     margins = np.full(len(places), -np.inf)
-    ahead = z > 0.0
-    columns, rows = image.project(places[ahead]).T
-    pixels = np.min([columns + 0.5, width - 0.5 - columns, rows + 0.5, height - 0.5 - rows], axis=0)
-    margins[ahead] = pixels * z[ahead] / (radius * min(image.camera.focal))
+    for image in images:
+        seen = (places - image.pose[:3, 3]) @ image.pose[:3, :3]
+        ahead = seen[:, 2] > 0.0
+        half = 0.5 * np.array(image.depth.shape[::-1])
+        pixels = (half - np.abs(image.camera.project(seen[ahead]) + 0.5 - half)).min(axis=1)
+        margins[ahead] = np.maximum(margins[ahead], pixels * seen[ahead, 2] / min(image.camera.focal))
     return margins
