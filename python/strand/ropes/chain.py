@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -103,23 +104,12 @@ class Chain(Line):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._check_remarks()
+        self._check_remarks(_REMARKS)
 
-    def _check_remarks(self) -> None:
-        """Check everything but the nodes."""
-        object.__setattr__(self, "confidence", check_fraction_or_nan("confidence", self.confidence))
-        object.__setattr__(self, "doubts", check_instances("doubts", self.doubts, Doubt))
-        object.__setattr__(self, "up", check_up("up", self.up))
-        if self.label is not None:
-            object.__setattr__(self, "label", check_integer("label", self.label))
-        if self.color is not None:
-            (color,) = check_colors("color", to_array("color", self.color)[None], (1, 3))
-            object.__setattr__(self, "color", freeze_array(color))
-        ends = check_sequence("hidden_ends", self.hidden_ends, "two bools")
-        if len(ends) != 2:
-            raise ValueError(f"hidden_ends: expected two bools, got {len(ends)}")
-        hidden = tuple(check_bool("hidden_ends", one) for one in ends)
-        object.__setattr__(self, "hidden_ends", hidden)
+    def _check_remarks(self, names: Iterable[str]) -> None:
+        """Check some of the fields that are not about nodes."""
+        for name in names:
+            object.__setattr__(self, name, _REMARKS[name](name, getattr(self, name)))
 
     def reversed(self) -> Self:
         """Return the same rope with its nodes in the other order."""
@@ -197,8 +187,41 @@ class Chain(Line):
         return compare_shapes(self, target)
 
 
+def _check_doubts(name: str, value: Iterable[Any]) -> tuple[Doubt, ...]:
+    return check_instances(name, value, Doubt)
+
+
+def _check_label(name: str, value: Any) -> int | None:
+    return None if value is None else check_integer(name, value)
+
+
+def _check_color(name: str, value: ArrayLike | None) -> Array | None:
+    if value is None:
+        return None
+    (color,) = check_colors(name, to_array(name, value)[None], (1, 3))
+    return freeze_array(color)
+
+
+def _check_hidden_ends(name: str, value: Iterable[Any]) -> tuple[bool, ...]:
+    ends = check_sequence(name, value, "two bools")
+    if len(ends) != 2:
+        raise ValueError(f"{name}: expected two bools, got {len(ends)}")
+    return tuple(check_bool(name, one) for one in ends)
+
+
+_REMARKS: dict[str, Callable[[str, Any], Any]] = {
+    "confidence": check_fraction_or_nan,
+    "doubts": _check_doubts,
+    "up": check_up,
+    "label": _check_label,
+    "color": _check_color,
+    "hidden_ends": _check_hidden_ends,
+}
+"""The fields that are not about nodes, and their checks."""
+
+
 def remarked(chain: Chain, **remarks: Any) -> Chain:
-    """Return a chain with other remarks; its nodes stay, and are not checked again.
+    """Return a chain with other remarks; the rest stays, and is not checked again.
 
     Parameters
     ----------
@@ -208,5 +231,5 @@ def remarked(chain: Chain, **remarks: Any) -> Chain:
     """
     made = copy(chain)
     made.__dict__.update(remarks)
-    made._check_remarks()
+    made._check_remarks(remarks)
     return made
