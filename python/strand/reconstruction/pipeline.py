@@ -183,7 +183,7 @@ def _check(
     previous: Model | None,
 ) -> Hints:
     """Check what the caller knows of the ropes."""
-    config = Config() if config is None else config
+    config = _USUAL if config is None else config
     check_instance("config", config, Config)
     radii = None if radius is None else Radii.from_caller(radius, config.known)
     if previous is not None and not isinstance(previous, Model):
