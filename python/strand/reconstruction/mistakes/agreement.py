@@ -192,7 +192,7 @@ def _measure_distance(own: Array, other: Array) -> float:
     """Return the median distance from points to the nearest of others, metres; infinite without points."""
     if not len(own) or not len(other):
         return float("inf")
-    return float(np.sqrt(np.median(_core.find_squared_distances(_sample(own), other))))
+    return math.sqrt(_core.find_median(_core.find_squared_distances(_sample(own), other)))
 
 
 def _are_in_sight(points: Array, view: View) -> NDArray[np.bool_]:

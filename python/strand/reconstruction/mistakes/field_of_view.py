@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+import strand._core as _core
 from strand.ropes.doubt import Doubt
 from strand.views.depth_image import DepthImage
 from strand.views.view import View
@@ -68,14 +69,15 @@ def doubt_far_depths(views: Sequence[View], radius: float, focal: float | None =
     farthest = _MAX_DISTANCE * radius
     if focal is not None:
         farthest = min(farthest, max(_MAX_FOCAL_LENGTHS * focal * radius, _MAX_METERS), _NO_METERS)
-    if not len(some) or not np.median(some) > farthest:
+    median = _core.find_median(some)
+    if not median > farthest:
         return None
     cameras = [float(np.linalg.norm(view.viewpoint)) for view in views if view.image is None]
     # with points of the world frame the cameras are far away too
     looks = "depths look like millimetres: give depth_scale=0.001, or points * 0.001"
     if len(cameras) == len(views) and min(cameras) > _MAX_DISTANCE * radius:
         looks = "points and poses look like millimetres: give both in metres"
-    reason = f"{looks}; half of them are more than {np.median(some):.0f} m away"
+    reason = f"{looks}; half of them are more than {median:.0f} m away"
     return Doubt("depth", _TOO_FAR_DOUBT, "where the ropes are", reason)
 
 
