@@ -141,7 +141,8 @@ def fit_into_images(chains: Sequence[Array]) -> bool:
 
 def _sum_lengths(chains: Sequence[Array]) -> float:
     """Return the length of polylines together, in their unit."""
-    return float(sum(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum() for nodes in chains))
+    steps = np.concatenate([np.empty((0, 2)), *(np.diff(nodes, axis=0) for nodes in chains)])
+    return float(np.linalg.norm(steps, axis=1).sum())
 
 
 def choose_compared(count: int, held: int) -> list[int]:
@@ -241,7 +242,7 @@ def _rank(
     reading_costs = (_READING_COST + 1.0 - trust) * np.array([reading.cost for reading, _ in pairs])
     costs += ROPE_COST * np.array([len(reading.chains) for reading, _ in pairs])
     costs += [penalize_lengths(fit, observed) for _, fit in pairs]
-    costs += [_SHARP_COST * _measure_sharp_bends(fit, float(observed.radii.values[0])) for _, fit in pairs]
+    costs += _SHARP_COST * _measure_sharp_bends([fit for _, fit in pairs], float(observed.radii.values[0]))
     changes = np.array([_count_label_changes(reading, observed, taken) for reading, _ in pairs])
     if not changes.min():
         # else each label is a piece of a rope, or labels are wrong
@@ -254,16 +255,20 @@ def _rank(
     return [Explanation(pairs[k][0], pairs[k][1], float(costs[k]), float(reading_costs[k])) for k in order]
 
 
-def _measure_sharp_bends(fit: ImageFit, radius: float) -> float:
-    """Return the bend of ropes, radians, beyond that of a curve of one radius."""
-    excess = 0.0
-    for nodes in fit.nodes:
-        steps = np.diff(nodes, axis=0)
-        lengths = np.linalg.norm(steps, axis=1)
-        cosines = (steps[:-1] * steps[1:]).sum(axis=1) / (lengths[:-1] * lengths[1:])
-        turns = np.arccos(np.clip(cosines, -1.0, 1.0))
-        excess += float(np.maximum(turns - 0.5 * (lengths[:-1] + lengths[1:]) / radius, 0.0).sum())
-    return excess
+def _measure_sharp_bends(fits: Sequence[ImageFit], radius: float) -> Array:
+    """(F,) Return the bend of each fit's ropes, radians, beyond that of a curve of one radius."""
+    chains = [(number, nodes) for number, fit in enumerate(fits) for nodes in fit.nodes]
+    steps = np.diff(np.concatenate([nodes for _, nodes in chains]), axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    cosines = (steps[:-1] * steps[1:]).sum(axis=1) / (lengths[:-1] * lengths[1:])
+    turns = np.arccos(np.clip(cosines, -1.0, 1.0))
+    excess = np.maximum(turns - 0.5 * (lengths[:-1] + lengths[1:]) / radius, 0.0)
+    found = np.zeros(len(fits))
+    last = 0
+    for number, nodes in chains:
+        first, last = last, last + len(nodes)
+        found[number] += excess[first : last - 2].sum()
+    return found
 
 
 def _count_label_changes(reading: Reading, observed: Observed, taken: Sequence[DepthImage]) -> int:
