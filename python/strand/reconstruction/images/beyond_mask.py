@@ -61,14 +61,15 @@ def doubt_ends_beyond_masks(
         height, usual = _core.find_median(ahead), _core.find_median(along)
         # a height is the depth of a disc against the mean of two beside it
         chance = _DEVIATIONS * noise * np.sqrt(1.5 / 2.0 / max(len(ahead) / len(_PLACES), 1.0))
-        if usual > _MIN_HEIGHT:
-            share = ((height - chance) / usual - _NO_DOUBT_SHARE) / (_FULL_DOUBT_SHARE - _NO_DOUBT_SHARE)
+        if usual <= _MIN_HEIGHT:
+            continue
+        share = ((height - chance) / usual - _NO_DOUBT_SHARE) / (_FULL_DOUBT_SHARE - _NO_DOUBT_SHARE)
+        if share > 0.0:
             reason = (
                 f"depth goes on as if the rope did: {height:.1f} radii before its surroundings, "
                 f"{usual:.1f} along the rope; the mask may have lost a piece"
             )
-            amount = _DOUBT * min(max(share, 0.0), 1.0)
-            yield Doubt("end", amount, "where the rope ends", reason, end.place)
+            yield Doubt("end", _DOUBT * min(share, 1.0), "where the rope ends", reason, end.place)
 
 
 @dataclass(frozen=True, eq=False)

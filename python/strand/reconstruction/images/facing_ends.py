@@ -21,17 +21,14 @@ _DOUBT = 0.35  # amount of full doubt
 
 def doubt_facing_ends(chains: Sequence[Array], radius: float) -> Iterator[Doubt]:
     """Doubt ends of two ropes, (M, 3) nodes each, that point at each other: they may be one rope."""
-    ends = [
-        (number, way[0], _find_heading(way, radius))
-        for number, nodes in enumerate(chains)
-        for way in (nodes, nodes[::-1])
-    ]
-    for k, (number, end, heading) in enumerate(ends):
-        for other, target, back in ends[k + 1 :]:
-            gap = target - end
+    ways = [(number, way) for number, nodes in enumerate(chains) for way in (nodes, nodes[::-1])]
+    for k, (number, way) in enumerate(ways):
+        for other, other_way in ways[k + 1 :]:
+            end, gap = way[0], other_way[0] - way[0]
             length = float(np.linalg.norm(gap))
             if other == number or not 0.0 < length < _MAX_GAP * radius:
                 continue
+            heading, back = _find_heading(way, radius), _find_heading(other_way, radius)
             cosine = min(float(heading @ gap), float(-back @ gap)) / length
             share = (cosine - _NO_DOUBT_COSINE) / (_FULL_DOUBT_COSINE - _NO_DOUBT_COSINE)
             share = min(share, 1.0) * min((_MAX_GAP - length / radius) / (_MAX_GAP - _FULL_DOUBT_GAP), 1.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
@@ -157,13 +158,13 @@ def doubt_ends_at_strands(chains: Sequence[Array], scatter: float, radius: float
     """
     near = _NEAR_END + _NEAR_END_PER_SCATTER * scatter / radius
     for number, nodes in enumerate(chains):
+        others = [other for k, other in enumerate(chains) if k != number]
         for end, own in ((nodes[0], nodes[_OWN_NODES:]), (nodes[-1], nodes[:-_OWN_NODES])):
-            others = np.vstack([own, *(other for k, other in enumerate(chains) if k != number)])
-            if not len(others):
-                continue
-            away = float(np.sqrt(((others - end) ** 2).sum(axis=1).min())) / radius
-            amount = _END * min(max((near - away) / _END_SCALE, 0.0), 1.0)
-            yield Doubt("end", amount, "where the rope ends", "another strand is next to it", end)
+            squares = ((np.concatenate([own, *others]) - end) ** 2).sum(axis=1)
+            away = math.sqrt(float(squares.min(initial=math.inf))) / radius
+            if away < near:
+                amount = _END * min((near - away) / _END_SCALE, 1.0)
+                yield Doubt("end", amount, "where the rope ends", "another strand is next to it", end)
 
 
 def doubt_over_table(views: Sequence[DepthImage], chains: Sequence[Array], radius: float) -> Iterator[Doubt]:
@@ -183,10 +184,11 @@ def _doubt_bare_stretches(chains: Sequence[Chain]) -> Iterator[Doubt]:
         spacing = chain.length / len(chain.points)
         for start, stop in find_runs(chain.points_seen == 0):
             length = (stop - start) * spacing
-            amount = _BARE * max(length / chain.radius - _USUAL_BARE, 0.0)
-            reason = f"{length * 1e3:.0f} mm of rope have no depth"
-            place = chain.points[(start + stop) // 2]
-            yield Doubt("points", amount, "how far away the rope is", reason, place)
+            more = length / chain.radius - _USUAL_BARE
+            if more > 0.0:
+                reason = f"{length * 1e3:.0f} mm of rope have no depth"
+                place = chain.points[(start + stop) // 2]
+                yield Doubt("points", _BARE * more, "how far away the rope is", reason, place)
 
 
 def _locate_uncovered(views: Sequence[DepthImage], chains: Sequence[Array], radius: float) -> Array | None:
