@@ -15,7 +15,7 @@ from strand.geometry.curve import Curve
 from strand.geometry.frames import carry_along_nodes, carry_directions, choose_side, fill_lost_tangents
 from strand.geometry.mesh import make_tube_mesh
 from strand.geometry.nearest import Nearest, find_nearest
-from strand.geometry.polyline import check_node_values, find_runs, interpolate
+from strand.geometry.polyline import check_node_values, find_runs, interpolate, path_length
 from strand.support.checks import (
     Array,
     check_bool,
@@ -120,8 +120,7 @@ class Line:
     @lazy_property
     def _path_arcs(self) -> Array:
         """Arc length along the straight segments at each node of the path, metres."""
-        steps = np.linalg.norm(np.diff(self._path, axis=0), axis=1)
-        return np.concatenate([[0.0], np.cumsum(steps)])
+        return path_length(self._path)
 
     @property
     def length(self) -> float:
