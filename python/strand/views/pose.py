@@ -144,4 +144,6 @@ def to_rotation_vector(rotation: Array) -> Array:
 
 def moved(points: Array, motion: Array) -> Array:
     """Return (..., 3) points after a (4, 4) rigid motion."""
-    return np.asarray(points @ motion[:3, :3].T + motion[:3, 3])
+    turned = np.asarray(points @ motion[:3, :3].T)
+    turned += motion[:3, 3]
+    return turned

@@ -330,7 +330,7 @@ class View:
         if chosen.shape != (len(self.points),) or chosen.dtype != np.bool_:
             raise ValueError(f"chosen: expected one bool for each of {len(self.points)} points")
         colors = None if self._colors is None else self._colors[chosen]
-        return self._replace_points(self.points[chosen], colors)
+        return self._replace_points(np.compress(chosen, self.points, axis=0), colors)
 
     def moved(self, motion: Array) -> View:
         """Return the view after a (4, 4) rigid motion of the world frame. It shares its points.
