@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+import strand._core as _core
 from strand.geometry.polyline import bound_polylines, measure_gaps
 from strand.reconstruction.evidence.visibility import Visibility
 from strand.ropes.chain import Chain
@@ -49,12 +50,12 @@ def find_branches(
                 trunk = chains[other]
                 reach = trunk.radius + _REACH * r
                 ahead = points[0] + np.arange(0.0, reach, _STEP * r)[:, None] * out
-                away = np.linalg.norm(ahead[:, None] - trunk.points[None], axis=2)
-                place = int(away.min(axis=0).argmin())
-                inner = 2.0 * r < trunk.arc_length[place] < trunk.length - 2.0 * r or trunk.closed
-                if not inner or away[0].min() >= reach or away.min() >= _MAX_OFFSET * r:
+                nearest = np.sqrt(_core.find_squared_distances(ahead, trunk.points))
+                if nearest[0] >= reach or nearest.min() >= _MAX_OFFSET * r:
                     continue
-                nearest = away.min(axis=1)
+                (place,) = _core.find_nearest(ahead[[nearest.argmin()]], trunk.points).tolist()
+                if not (trunk.closed or 2.0 * r < trunk.arc_length[place] < trunk.length - 2.0 * r):
+                    continue
                 between = ahead[: nearest.argmin()][nearest[: nearest.argmin()] > trunk.radius]
                 if visibility is None or not visibility.free(between, r).any():
                     found.append((number, other, trunk.points[place]))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+import strand._core as _core
 from strand.geometry.polyline import bound_polylines, measure_gaps
 from strand.reconstruction.evidence.prior import Prior
 from strand.ropes.chain import Chain
@@ -65,7 +66,8 @@ def assign_doubts(
 
 def _is_near(chain: Chain, place: Array) -> bool:
     """Tell whether a node of a chain is within reach of a place."""
-    return bool(np.linalg.norm(chain.points - place, axis=1).min() / chain.radius <= _REACH)
+    (square,) = _core.find_squared_distances(place[None], chain.points)
+    return bool(square <= (_REACH * chain.radius) ** 2)
 
 
 def doubt_margin(margin: float) -> float:
