@@ -124,6 +124,12 @@ class DepthImage:
         return moved(self.camera.lift(rows, columns, z), self.pose)
 
 
+def list_pixels(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the rows and columns (N,) of a mask's pixels, row by row; NumPy's own search takes longer."""
+    rows, columns = np.divmod(np.flatnonzero(mask), mask.shape[1])
+    return rows, columns
+
+
 def check_depth(
     depth: ArrayLike, depth_scale: float | None
 ) -> tuple[Array | NDArray[np.uint16], float | None]:

@@ -14,6 +14,7 @@ from strand.reconstruction.color_masks.color_pieces import Mask, Piece
 from strand.reconstruction.images.table_plane import find_largest_plane
 from strand.support.checks import Array
 from strand.support.robust import estimate_deviation
+from strand.views.depth_image import list_pixels
 from strand.views.pinhole import Pinhole
 
 _MAX_POINTS = 8_000  # points that the plane is sought in
@@ -136,10 +137,10 @@ def find_near_table(depth: Array, camera: Pinhole) -> NearTable | None:
 def select_seen(depth: Array, most: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return rows and columns of about so many pixels with depth, spread evenly over an image."""
     step = max(int(math.sqrt(depth.size / most)), 1)
-    rows, columns = np.nonzero(depth[::step, ::step] > 0)
+    rows, columns = list_pixels(depth[::step, ::step] > 0)
     if 4 * len(rows) >= most:
         return rows * step, columns * step
-    rows, columns = np.nonzero(depth > 0)
+    rows, columns = list_pixels(depth > 0)
     each = max(len(rows) // most, 1)
     return rows[::each], columns[::each]
 

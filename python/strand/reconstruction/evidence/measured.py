@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+import strand._core as _core
+from strand.geometry.lengths import measure_lengths
 from strand.geometry.polyline import find_runs
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import DOUBTS, Doubt
-from strand.support.checks import Array
 from strand.views.sensor import Sensor
 
 CONTRADICTIONS = (
@@ -209,7 +210,7 @@ def _measure_unseen(chain: Chain) -> float:
 def _measure_bend(chain: Chain) -> float:
     """Return the greatest curvature, 1 / radii."""
     steps = np.diff(chain.points, axis=0)
-    ways = steps / np.linalg.norm(steps, axis=1, keepdims=True)
+    ways = steps / measure_lengths(steps)[:, None]
     cosine = float(np.einsum("ij,ij->i", ways[:-1], ways[1:]).min(initial=1.0))
     return math.acos(max(cosine, -1.0)) * chain.radius * len(chain.points) / chain.length
 
@@ -221,14 +222,9 @@ def _count_ends_at_strands(chain: Chain, chains: Sequence[Chain]) -> int:
     others = [one.points for one in chains if one is not chain]
     count = 0
     for end, far in (
-        (chain.points[0], chain.arc_length > _OWN * chain.radius),
-        (chain.points[-1], chain.arc_length < chain.length - _OWN * chain.radius),
+        (chain.points[:1], chain.arc_length > _OWN * chain.radius),
+        (chain.points[-1:], chain.arc_length < chain.length - _OWN * chain.radius),
     ):
-        nearest = min(_measure_distance(end, strand) for strand in (chain.points[far], *others))
-        count += nearest < _NEAR * chain.radius
+        (square,) = _core.find_squared_distances(end, np.concatenate([chain.points[far], *others]))
+        count += bool(square < (_NEAR * chain.radius) ** 2)
     return count
-
-
-def _measure_distance(place: Array, nodes: Array) -> float:
-    """Return the distance of the nearest node, metres; infinite without nodes."""
-    return math.sqrt(float(((nodes - place) ** 2).sum(axis=1).min(initial=math.inf)))

@@ -11,6 +11,7 @@ import strand._core as _core
 from strand.reconstruction.finding.standing import Tabletop
 from strand.reconstruction.finding.widths import measure_strip_lengths
 from strand.support.checks import Array
+from strand.views.depth_image import list_pixels
 
 _BESIDE = 4  # pixels around what stands high: its edges are low there
 _MIN_LENGTH = 8.0  # radii of the ropes: shorter strips are no ropes
@@ -43,7 +44,7 @@ def find_low_strips(top: Tabletop, standing: NDArray[np.bool_], radius: float) -
         length = float(lengths[blob])
         if length < _MIN_LENGTH * radius:
             break
-        rows, columns = np.nonzero((numbers == blob) & low & (image.depth > 0))
+        rows, columns = list_pixels((numbers == blob) & low & (image.depth > 0))
         z = image.depth[rows, columns]
         half_width = 0.5 * float(np.sum(z**2)) / (image.camera.focal[0] * image.camera.focal[1]) / length
         if half_width < _MAX_WIDTH * radius and length > _MIN_SLENDERNESS * half_width:

@@ -14,7 +14,7 @@ from strand.reconstruction.images.table_plane import find_table
 from strand.support.checks import Array
 from strand.views.box import Box
 from strand.views.cloud_images import fill_thinned
-from strand.views.depth_image import DepthImage
+from strand.views.depth_image import DepthImage, list_pixels
 from strand.views.extract import Extract
 
 _MAX_POINTS = 10_000  # points that the table is sought in
@@ -82,7 +82,7 @@ def _select_inside(image: DepthImage, bounds: Box | None) -> NDArray[np.bool_]:
     """Return which pixels (H, W) show points in an extraction range; all without one."""
     if bounds is None:
         return np.ones(image.depth.shape, dtype=bool)
-    rows, columns = np.nonzero(image.depth > 0)
+    rows, columns = list_pixels(image.depth > 0)
     found = np.zeros(image.depth.shape, dtype=bool)
     found[rows, columns] = bounds.holds(image.lift(rows, columns, image.depth[rows, columns]))
     return found

@@ -13,7 +13,7 @@ from strand.geometry.plane import Plane
 from strand.reconstruction.finding.standing import Tabletop
 from strand.reconstruction.finding.widths import measure_strip_lengths
 from strand.support.checks import Array
-from strand.views.depth_image import DepthImage
+from strand.views.depth_image import DepthImage, list_pixels
 
 _WIDE = 1.6  # radii: what has a larger half width is wider than crossing strands
 _MAX_PILE = 5.5  # radii: ropes pile up no higher
@@ -167,7 +167,7 @@ def _select_around(
     found = np.zeros_like(things)
     if not things.any():
         return found
-    rows, columns = np.nonzero(image.mask & (image.depth > 0))
+    rows, columns = list_pixels(image.mask & (image.depth > 0))
     plan = image.lift(rows, columns, image.depth[rows, columns]) @ table.axes
     margin = int(_BESIDE) + 1
     low, high = plan.min(axis=0), plan.max(axis=0)

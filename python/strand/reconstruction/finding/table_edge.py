@@ -7,10 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 import strand._core as _core
+from strand.geometry.lengths import measure_lengths
 from strand.geometry.plane import Plane
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
+from strand.views.depth_image import list_pixels
 from strand.views.view import View
 
 _REACH = 6.0  # radii around an end: points there count
@@ -45,7 +47,7 @@ def doubt_ends_at_edge(
     for number, chain in enumerate(chains):
         for end in () if chain.closed else (chain.points[0], chain.points[-1]):
             if any(
-                _count_below(view, table, end, chain.radius, lines) >= _MIN_POINTS
+                _shows_below(view, table, end, chain.radius, lines)
                 for view, table in zip(views, tables, strict=True)
                 if table is not None
             ):
@@ -54,11 +56,15 @@ def doubt_ends_at_edge(
     return found
 
 
-def _count_below(view: View, table: Plane, end: Array, radius: float, lines: Array) -> int:
-    """Return how many points near an end lie clearly below a table, off the lines (M, 3) of all ropes."""
+def _shows_below(view: View, table: Plane, end: Array, radius: float, lines: Array) -> bool:
+    """Tell whether points near an end lie clearly below a table, off the lines (M, 3) of all ropes."""
     near = _select_near(view, end, _REACH * radius)
-    heights = table.measure_heights(near[_core.find_squared_distances(near, lines) > (_OWN * radius) ** 2])
-    return int(np.count_nonzero(heights < -find_depth(heights, radius)))
+    heights = table.measure_heights(near)
+    # most ends have a table all around
+    if np.count_nonzero(heights < -_BELOW * radius) < _MIN_POINTS:
+        return False
+    heights = heights[_core.find_squared_distances(near, lines) > (_OWN * radius) ** 2]
+    return int(np.count_nonzero(heights < -find_depth(heights, radius))) >= _MIN_POINTS
 
 
 def find_depth(heights: Array, radius: float) -> float:
@@ -91,6 +97,6 @@ def _select_near(view: View, place: Array, reach: float) -> Array:
         top, left = (max(int(low), 0) for low in (row - down, column - across))
         bottom, right = min(int(row + down) + 1, height), min(int(column + across) + 1, width)
         window = depth[top : max(bottom, top), left : max(right, left)]
-        rows, columns = np.nonzero(window > 0)
+        rows, columns = list_pixels(window > 0)
         points = image.lift(rows + top, columns + left, window[rows, columns])
-    return np.asarray(points[np.linalg.norm(points - place, axis=1) < reach])
+    return np.compress(measure_lengths(points - place) < reach, points, axis=0)

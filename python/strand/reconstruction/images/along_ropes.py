@@ -10,7 +10,7 @@ from strand.geometry.plane import Plane
 from strand.reconstruction.images.above_table import MIN_HEIGHT, make_gaussian_kernel, measure_heights
 from strand.support.checks import Array
 from strand.views.box import Box
-from strand.views.depth_image import DepthImage
+from strand.views.depth_image import DepthImage, list_pixels
 
 # standard deviations of Gaussians
 _ALONG = 1.5  # radii: of means along the rope
@@ -42,7 +42,7 @@ def average_along_ropes(image: DepthImage, table: Plane, bounds: Box | None, rad
     own = seen & image.mask
     if not own.any():
         return np.empty((0, 3))
-    rows, columns = np.nonzero(own)
+    rows, columns = list_pixels(own)
 
     def smooth(values: Array | NDArray[np.bool_], deviation: float) -> Array:
         kernel = make_gaussian_kernel(max(deviation * pixels, _MIN_SMOOTHING))

@@ -9,6 +9,7 @@ import numpy as np
 
 from strand._core import ImageFit, RopeImages
 from strand.config import Config
+from strand.geometry.lengths import measure_lengths
 from strand.geometry.plane import Plane
 from strand.geometry.polyline import find_runs, path_length
 from strand.reconstruction.courses import Course, are_same_courses, sample_courses
@@ -142,7 +143,7 @@ def fit_into_images(chains: Sequence[Array]) -> bool:
 def _sum_lengths(chains: Sequence[Array]) -> float:
     """Return the length of polylines together, in their unit."""
     steps = np.concatenate([np.empty((0, 2)), *(np.diff(nodes, axis=0) for nodes in chains)])
-    return float(np.linalg.norm(steps, axis=1).sum())
+    return float(measure_lengths(steps).sum())
 
 
 def choose_compared(count: int, held: int) -> list[int]:
@@ -259,7 +260,7 @@ def _measure_sharp_bends(fits: Sequence[ImageFit], radius: float) -> Array:
     """(F,) Return the bend of each fit's ropes, radians, beyond that of a curve of one radius."""
     chains = [(number, nodes) for number, fit in enumerate(fits) for nodes in fit.nodes]
     steps = np.diff(np.concatenate([nodes for _, nodes in chains]), axis=0)
-    lengths = np.linalg.norm(steps, axis=1)
+    lengths = measure_lengths(steps)
     cosines = (steps[:-1] * steps[1:]).sum(axis=1) / (lengths[:-1] * lengths[1:])
     turns = np.arccos(np.clip(cosines, -1.0, 1.0))
     excess = np.maximum(turns - 0.5 * (lengths[:-1] + lengths[1:]) / radius, 0.0)

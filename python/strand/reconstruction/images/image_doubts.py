@@ -9,6 +9,7 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import ImageFit
+from strand.geometry.lengths import measure_lengths
 from strand.geometry.polyline import find_runs, path_length
 from strand.reconstruction.courses import Course, are_same_courses, sample_courses
 from strand.reconstruction.evidence.confidence import MIN_DOUBT, SCALE, USUAL_NOISE
@@ -17,7 +18,7 @@ from strand.reconstruction.images.other_courses import cut_over_table
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
-from strand.views.depth_image import DepthImage
+from strand.views.depth_image import DepthImage, list_pixels
 
 _ALWAYS = 0.05  # doubt of any answer: noise is wide and correlated
 _ORDER = 0.5  # doubt of an order at a crossing that depth leaves open
@@ -160,8 +161,8 @@ def doubt_ends_at_strands(chains: Sequence[Array], scatter: float, radius: float
     for number, nodes in enumerate(chains):
         others = [other for k, other in enumerate(chains) if k != number]
         for end, own in ((nodes[0], nodes[_OWN_NODES:]), (nodes[-1], nodes[:-_OWN_NODES])):
-            squares = ((np.concatenate([own, *others]) - end) ** 2).sum(axis=1)
-            away = math.sqrt(float(squares.min(initial=math.inf))) / radius
+            (square,) = _core.find_squared_distances(end[None], np.concatenate([own, *others])).tolist()
+            away = math.sqrt(square) / radius
             if away < near:
                 amount = _END * min((near - away) / _END_SCALE, 1.0)
                 yield Doubt("end", amount, "where the rope ends", "another strand is next to it", end)
@@ -196,7 +197,7 @@ def _locate_uncovered(views: Sequence[DepthImage], chains: Sequence[Array], radi
     nodes = np.vstack(chains)
     farthest: tuple[float, Array | None] = _MIN_DISTANCE, None
     for view in views:
-        rows, columns = np.nonzero(view.mask & (view.depth > 0))
+        rows, columns = list_pixels(view.mask & (view.depth > 0))
         seen = view.project(nodes)
         pixels = np.column_stack([columns, rows, np.zeros(len(rows))])
         away = _core.find_squared_distances(pixels, np.column_stack([seen, np.zeros(len(seen))]))
@@ -217,7 +218,7 @@ def _locate_difference(
     joined: Array | None = None
     for nodes in chains:
         nearest = _core.find_nearest(nodes, theirs)
-        away = np.linalg.norm(nodes - theirs[nearest], axis=1)
+        away = measure_lengths(nodes - theirs[nearest])
         k = int(away.argmax())
         if away[k] > farthest[0]:
             farthest = float(away[k]), nodes[k]

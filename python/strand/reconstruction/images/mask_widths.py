@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 import strand._core as _core
+from strand.geometry.lengths import measure_lengths
 from strand.geometry.plane import Plane
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.reconstruction.stages import Found, Observed
@@ -76,7 +77,7 @@ def measure_width(image: DepthImage, chains: Sequence[Chain], radius: float) -> 
         rows, columns, inside = image.find_pixels(middles)
         inside[inside] = mask[rows[inside], columns[inside]]
         z = (middles - image.pose[:3, 3]) @ image.pose[:3, 2]
-        steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        steps = measure_lengths(np.diff(places, axis=0))
         shown += float(np.sum((2.0 * radius * image.camera.focal[0] / z * steps)[inside]))
     return np.count_nonzero(mask) / shown if shown > 0.0 else 1.0
 
@@ -92,5 +93,5 @@ def measure_height(image: DepthImage, chains: Sequence[Chain], table: Plane, rad
         return None
     places = image.lift(rows[seen], columns[seen], z[seen])
     rays = image.pose[:3, 3] - places
-    facing = rays @ table.normal / np.linalg.norm(rays, axis=1)
+    facing = rays @ table.normal / measure_lengths(rays)
     return _core.find_median(table.measure_heights(places) / (radius * (1.0 + facing)))

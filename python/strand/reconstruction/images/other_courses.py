@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import strand._core as _core
 from strand.geometry.polyline import find_runs
 from strand.support.checks import Array
-from strand.views.depth_image import DepthImage
+from strand.views.depth_image import DepthImage, list_pixels
 
 _NEAR = 3.2  # radii between an end and the axis of a strand that it may lie on
 _OWN_NODES = 16  # nodes at an end that are no other strand
@@ -100,7 +100,7 @@ def reach_tip(image: DepthImage, chains: Sequence[Array], normal: Array, radius:
     reach = int(_MAX_WAY * pixels) + 1
     left, top = (max(int(at) - reach, 0) for at in middle)
     part = (slice(top, max(top, int(middle[1]) + reach)), slice(left, max(left, int(middle[0]) + reach)))
-    rows, columns = np.nonzero(image.mask[part] & (image.depth[part] > 0))
+    rows, columns = list_pixels(image.mask[part] & (image.depth[part] > 0))
     rows, columns = rows + top, columns + left
     ahead = (np.column_stack([columns, rows]) - middle) @ (middle - before) > 0.0
     rows, columns = rows[ahead], columns[ahead]

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
+from strand.geometry.lengths import measure_lengths
 from strand.geometry.plane import Plane
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
@@ -58,8 +59,10 @@ def find_table(points: Array) -> Plane | None:
     if found is None or found[1] < _MIN_TABLE_SHARE:
         return None
     plane, _ = found
-    on_plane = np.abs(plane.measure_heights(points)) < _TABLE_WIDTH * np.linalg.norm(points, axis=1)
-    return plane if _is_wide(points[on_plane], plane) else None
+    away = measure_lengths(points)
+    on_plane = np.abs(plane.measure_heights(points)) < _TABLE_WIDTH * away
+    is_wide = _is_wide(np.compress(on_plane, points, axis=0), away[on_plane], plane)
+    return plane if is_wide else None
 
 
 def find_largest_plane(points: Array) -> tuple[Plane, float] | None:
@@ -78,7 +81,7 @@ def find_largest_plane(points: Array) -> tuple[Plane, float] | None:
     if len(points) < 3:
         return None
     rng = np.random.default_rng(_SEED)
-    width = _FIRST_WIDTH * _core.find_median(np.linalg.norm(points, axis=1))
+    width = _FIRST_WIDTH * _core.find_median(measure_lengths(points))
     compared = points[rng.integers(0, len(points), min(_MAX_POINTS_COMPARED, len(points)))]
     corners = points[rng.integers(0, len(points), 3 * _PLANES)]
     adaptive = (_DEVIATIONS, _MIN_WIDTH / _FIRST_WIDTH * width)
@@ -128,16 +131,16 @@ def _find_plane_beside(points: Array, image: DepthImage, radius: float) -> Plane
     return Plane(normal, offset) if normal @ image.pose[:3, 3] > offset else Plane(-normal, -offset)
 
 
-def _is_wide(points: Array, plane: Plane) -> bool:
-    """Tell whether points on a plane lie side by side, wider than ropes do."""
-    plan = points @ plane.axes
-    side = _CELL * _core.find_median(np.linalg.norm(points, axis=1))
-    cells = np.floor((plan - plan.min(axis=0)) / side).astype(np.int64)
-    size = cells.max(axis=0) + 3
+def _is_wide(points: Array, away: Array, plane: Plane) -> bool:
+    """Tell whether points on a plane, so far away, lie side by side, wider than ropes do."""
+    plan = plane.axes.T @ points.T
+    side = _CELL * _core.find_median(away)
+    cells = np.floor((plan - plan.min(axis=1, keepdims=True)) / side).astype(np.int64) + 1
+    size = cells.max(axis=1) + 2
     if size.prod() > _MAX_CELLS:
         return False
     taken: NDArray[np.bool_] = np.zeros(size, dtype=bool)
-    taken[tuple((cells + 1).T)] = True
+    taken[tuple(cells)] = True
     inner = int(np.count_nonzero(_core.measure_edge_distances(taken, 4) > 1.5))
     return inner >= _MIN_INNER_CELLS and inner >= _MIN_INNER_SHARE * int(np.count_nonzero(taken))
 

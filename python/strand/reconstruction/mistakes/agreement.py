@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
+from strand.geometry.lengths import measure_lengths
 from strand.reconstruction.mistakes.undo import MISTAKES
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
@@ -211,7 +212,7 @@ def _are_in_sight(points: Array, view: View) -> NDArray[np.bool_]:
 
 def _normalize(points: Array) -> Array:
     """(N, 3) Return the directions from a camera to points of its frame."""
-    return np.asarray(points / np.maximum(np.linalg.norm(points, axis=1), _TINY)[:, None])
+    return np.asarray(points / np.maximum(measure_lengths(points), _TINY)[:, None])
 
 
 def _find_direction(cloud: Array, view: View) -> Array:

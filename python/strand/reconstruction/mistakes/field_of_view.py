@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 import strand._core as _core
+from strand.geometry.lengths import measure_lengths
 from strand.ropes.doubt import Doubt
 from strand.views.depth_image import DepthImage
 from strand.views.view import View
@@ -59,7 +60,7 @@ def doubt_far_depths(views: Sequence[View], radius: float, focal: float | None =
     """
     # points of the world frame have no depth, only a distance
     depths = [
-        np.linalg.norm(view.points[::_DEPTH_STEP], axis=1)
+        measure_lengths(view.points[::_DEPTH_STEP])
         if view.image is None
         else view.image.depth.ravel()[::_DEPTH_STEP]
         for view in views
@@ -87,7 +88,7 @@ def doubt_points_all_around(views: Sequence[View]) -> Doubt | None:
         if view.image is not None or len(view.points) < _MIN_POINTS:
             continue
         points = view.points[:: max(len(view.points) // _SAMPLE, 1)]
-        towards = points / np.linalg.norm(points, axis=1)[:, None]
+        towards = points / measure_lengths(points)[:, None]
         middle = towards.mean(axis=0)
         middle /= max(float(np.linalg.norm(middle)), np.finfo(float).tiny)
         angles = np.arccos(np.clip(towards @ middle, -1.0, 1.0))
@@ -168,7 +169,7 @@ def _explain_offset(image: DepthImage) -> str | None:
 def _find_cells(view: View) -> set[int]:
     """Return the cells of directions in which a view of points shows something."""
     points = view.points[:: max(len(view.points) // _SAMPLE_OF_CELLS, 1)]
-    away = np.linalg.norm(points, axis=1)
+    away = measure_lengths(points)
     towards = points[away > 0.0] / away[away > 0.0, None]
     cells = np.floor(_CELLS * (towards + 1.0)).astype(np.int64) @ (1, 1000, 1_000_000)
     found, counts = np.unique(cells, return_counts=True)
