@@ -15,7 +15,7 @@ Chains = list[tuple[Array, bool]]
 Course = tuple[Array, float, bool]
 """(33, 3) places evenly along a chain, its length, metres, and whether it is closed."""
 
-_PLACES = 33  # places along a chain that are compared
+_SHARES = np.linspace(0.0, 1.0, 33)  # of a chain's length: places that are compared
 _MAX_OFFSET = 4.0  # radii: places farther from each other, and lengths that differ more, are not the same
 
 
@@ -24,7 +24,7 @@ def sample_courses(chains: Chains) -> list[Course]:
     found = []
     for nodes, closed in chains:
         s = path_length(nodes)
-        at = np.linspace(0.0, s[-1], _PLACES)
+        at = _SHARES * s[-1]
         places = np.stack([np.interp(at, s, nodes[:, k]) for k in range(3)], axis=1)
         found.append((places, float(s[-1]), closed))
     return found
@@ -41,8 +41,8 @@ def are_same_courses(
         for k, (theirs, their_length, their_closed) in enumerate(left):
             if closed != their_closed or abs(length - their_length) >= max_offset * radius:
                 continue
-            away = (((places - way) ** 2).sum(axis=1).max() for way in (theirs, theirs[::-1]))
-            if min(away) < (max_offset * radius) ** 2:
+            limit = (max_offset * radius) ** 2
+            if any((((places - way) ** 2).sum(axis=1) < limit).all() for way in (theirs, theirs[::-1])):
                 del left[k]
                 break
         else:

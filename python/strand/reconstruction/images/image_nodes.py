@@ -72,7 +72,11 @@ def correct_poses(poses: Sequence[Array], corrections: Array) -> list[Array]:
         Rotation vector w, radians, and translation t, metres.
     """
     found = []
-    for pose, (*turn, x, y, z) in zip(poses, corrections, strict=True):
+    for pose, correction in zip(poses, corrections, strict=True):
+        if not correction.any():
+            found.append(pose)
+            continue
+        *turn, x, y, z = correction
         motion = np.eye(4)
         angle = float(np.linalg.norm(turn))
         if angle > 0.0:
