@@ -72,10 +72,10 @@ def measure_table(view: View) -> tuple[float, float] | None:
     x, y, z = _sample_points(view).T
     if len(z) < _MIN_POINTS or not (z > 0).all():
         return None
-    slopes = np.column_stack([x / z, y / z])
-    if not _fills_plan(slopes):
+    plan = np.stack([x / z, y / z])
+    if not _fills_plan(plan):
         return None
-    rays = np.sqrt(1.0 + (slopes**2).sum(axis=1))
+    rays, slopes = np.sqrt(1.0 + (plan**2).sum(axis=0)), plan.T
     scatters = (
         _core.measure_linear_scatter(slopes, 1.0 / z, z),
         _core.measure_linear_scatter(slopes, rays / z, z / rays),
@@ -84,10 +84,10 @@ def measure_table(view: View) -> tuple[float, float] | None:
 
 
 def _fills_plan(plan: Array) -> bool:
-    """Tell whether (N, 2) places fill most of their bounding rectangle."""
-    low, high = plan.min(axis=0), plan.max(axis=0)
+    """Tell whether (2, N) places fill most of their bounding rectangle."""
+    low, high = plan.min(axis=1, keepdims=True), plan.max(axis=1, keepdims=True)
     cells = np.minimum((_CELLS * (plan - low) / np.maximum(high - low, 1e-12)).astype(np.int64), _CELLS - 1)
-    return int(np.count_nonzero(np.bincount(cells @ [_CELLS, 1]))) >= _MIN_FILLED * _CELLS**2
+    return int(np.count_nonzero(np.bincount(_CELLS * cells[0] + cells[1]))) >= _MIN_FILLED * _CELLS**2
 
 
 def _sample_points(view: View) -> Array:

@@ -13,6 +13,7 @@ from strand.views.extract import Extract
 from strand.views.view import View
 
 _STEP = 61  # pixels from one pixel whose depth is looked at to the next
+_FEW = 16  # steps from one pixel to the next in a first look
 _MAX_LEVEL = 255.5  # greatest 8-bit number, in steps of depth
 _MIN_LEVELS = 32  # different depths: with fewer, a simulated scene may be flat
 _MAX_NEAREST = 0.6  # of the greatest depth: grey values start lower; shares are 1 % and 99 % quantiles
@@ -29,9 +30,12 @@ def doubt_gray_levels(views: Sequence[View]) -> Doubt | None:
     for number, view in enumerate(views):
         if view.image is None:
             continue
+        depths = view.image.depth.ravel()
         # most images are clear from a few pixels
-        step = _find_gray_step(view.image.depth.ravel()[::_STEP])
-        step = None if step is None else _find_gray_step(view.image.depth.ravel())
+        if _differ_finely(_find_levels(depths[:: _FEW * _STEP])):
+            continue
+        step = _find_gray_step(depths[::_STEP])
+        step = None if step is None else _find_gray_step(depths)
         if step is not None:
             reason = (
                 f"depth looks like an 8-bit image, such as grey values or colours: depths of view {number} "
@@ -41,13 +45,23 @@ def doubt_gray_levels(views: Sequence[View]) -> Doubt | None:
     return None
 
 
+def _find_levels(depths: Array) -> Array:
+    """Return the different depths in order, without 0."""
+    return np.unique(depths[depths > 0])
+
+
+def _differ_finely(levels: Array) -> bool:
+    """Tell whether depths in order have more steps than 8-bit numbers: so have all depths that hold them."""
+    return len(levels) > 1 and bool(levels[-1] > _MAX_LEVEL * np.diff(levels).min())
+
+
 def _find_gray_step(depths: Array) -> float | None:
     """Return the step between depths that look like 8-bit numbers, metres; None if they do not."""
-    levels = np.unique(depths[depths > 0])
+    levels = _find_levels(depths)
     if len(levels) < 2:
         return None
     step = float(np.diff(levels).min())
-    if levels[-1] > _MAX_LEVEL * step or len(levels) < min(_MIN_LEVELS, len(depths) // 4):
+    if _differ_finely(levels) or len(levels) < min(_MIN_LEVELS, len(depths) // 4):
         return None
     if np.abs(levels / step - np.rint(levels / step)).max() > _ROUNDING:
         return None
