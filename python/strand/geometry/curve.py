@@ -73,7 +73,8 @@ class Curve:
     @classmethod
     def whole(cls, control: Array) -> Curve:
         """Return the whole spline of control points."""
-        return cls(control, 0.0, float(len(control) - 3))
+        points = check_finite_array("control", control, ("N", 3))
+        return cls(points, 0.0, float(len(points) - 3))
 
     @lazy_property
     def _table(self) -> tuple[Array, Array]:
