@@ -32,10 +32,11 @@ impl Answers<'_> {
             Viewpoints::One(viewpoint) => viewpoint,
             Viewpoints::Each(all) => all[index],
         };
-        let away = dot(normal, sub(viewpoint, point)) < 0.0;
+        // a product, not a branch: signs are as good as random
+        let sign = if dot(normal, sub(viewpoint, point)) < 0.0 { -1.0 } else { 1.0 };
         // SAFETY: the caller stores each index once, so no two tasks write one slot of either array
         unsafe {
-            self.normals.put(index, if away { normal.map(|x| -x) } else { normal });
+            self.normals.put(index, normal.map(|x| sign * x));
             self.variation.put(index, variation);
         }
     }
@@ -62,28 +63,38 @@ impl Covariances {
         self.entries
             .iter_mut()
             .for_each(|list| list.resize(self.positions.len().next_multiple_of(LANES), 0.0));
-        fit_planes(self, cells, answers);
+        fit_planes(&mut self.entries);
+        let [x, y, z, variation, ..] = &self.entries;
+        for ((((&position, &x), &y), &z), &variation) in
+            self.positions.iter().zip(x).zip(y).zip(z).zip(variation)
+        {
+            let position = position as usize;
+            // SAFETY: every position is in one task's list, once
+            unsafe { answers.put(cells.input_index(position), cells.point(position), [x, y, z], variation) };
+        }
         self.entries.iter_mut().for_each(Vec::clear);
         self.positions.clear();
     }
 }
 
 kernel! {
-    /// Fits planes to some covariances.
-    fn fit_planes<S>(_, covariances: &Covariances, cells: &Cells, answers: &Answers) {
-        let rows = covariances.entries.each_ref().map(|list| list.as_chunks::<LANES>().0);
-        for (row, positions) in covariances.positions.chunks(LANES).enumerate() {
-            let matrices = rows.map(|list| list[row]);
+    /// Fits planes to some covariances, whose first four entries become the normals and the surface variations.
+    fn fit_planes<S>(_, entries: &mut [Vec<f64>; 6]) {
+        let mut lists = entries.each_mut().map(|list| list.as_chunks_mut::<LANES>().0);
+        for row in 0..lists[0].len() {
+            let matrices = lists.each_ref().map(|list| list[row]);
             let (vectors, shares, certain) = least_eigenvectors(&matrices);
-            for (l, &position) in positions.iter().enumerate() {
-                let (normal, variation) = if certain[l] {
-                    (vectors.map(|v| v[l]), shares[l])
-                } else {
-                    plane(&matrices.map(|m| m[l]))
-                };
-                let position = position as usize;
-                // SAFETY: every position is in one task's list, once
-                unsafe { answers.put(cells.input_index(position), cells.point(position), normal, variation) };
+            for k in 0..3 {
+                lists[k][row] = vectors[k];
+            }
+            lists[3][row] = shares;
+            for l in 0..LANES {
+                if !certain[l] {
+                    let ([x, y, z], variation) = plane(&matrices.map(|m| m[l]));
+                    for (list, value) in lists.iter_mut().zip([x, y, z, variation]) {
+                        list[row][l] = value;
+                    }
+                }
             }
         }
     }
