@@ -78,12 +78,10 @@ pub fn estimate_normals(points: &[Point], neighbors: Neighbors, viewpoints: View
 fn fit_within(points: &[Point], radius: f64, answers: &Answers) {
     let cells = Cells::new(points, radius / CELLS);
     let crowded = Crowded::default();
-    cells.batches().for_each_task(|batches| {
-        let mut around = Around::default();
-        let mut sums = Sums::default();
-        let mut covariances = Covariances::default();
+    cells.batches().for_each_task(|buffers: &mut (Around, Sums, Covariances), batches| {
+        let (around, sums, covariances) = buffers;
         for batch in batches {
-            let open = sum_within(&cells, radius, batch, &mut around, &mut sums);
+            let open = sum_within(&cells, radius, batch, around, sums);
             let Some(open) = open else {
                 crowded.add(batch.iter().map(|&position| cells.input_index(position as usize)));
                 continue;

@@ -62,17 +62,16 @@ fn map<T: Send + Copy + Default>(
     let (slots, crowded) = (Slots::new(&mut answers), Crowded::default());
     parallel::run(|| {
         let cells = Cells::new(points, radius / CELLS);
-        cells.batches().for_each_task(|batches| {
-            let mut around = Around::default();
+        cells.batches().for_each_task(|around: &mut Around, batches| {
             for batch in batches {
-                let Some(counts) = count_around(&cells, radius, batch, &mut around) else {
+                let Some(counts) = count_around(&cells, radius, batch, around) else {
                     crowded.add(batch.iter().map(|&position| cells.input_index(position as usize)));
                     continue;
                 };
                 for (l, &position) in batch.iter().enumerate() {
                     let position = position as usize;
                     let value = known(counts[0][l] as usize, counts[1][l] as usize)
-                        .unwrap_or_else(|| answer(exactly(&cells, position, radius, &around)));
+                        .unwrap_or_else(|| answer(exactly(&cells, position, radius, around)));
                     // SAFETY: every point is in one batch
                     unsafe { slots.put(cells.input_index(position), value) };
                 }

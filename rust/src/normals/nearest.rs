@@ -38,16 +38,15 @@ pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {
     parallel::run(|| {
         let cells = Cells::new(points, WIDTH * reach_of(points, k));
         let tree = OnceLock::new();
-        cells.batches().for_each_task(|batches| {
-            let mut search = Search::default();
-            let mut covariances = Covariances::default();
+        cells.batches().for_each_task(|(search, covariances): &mut (Search, Covariances), batches| {
+            search.guess = 0.0; // answers must not depend on which tasks share buffers
             for batch in batches {
                 search.left.clear();
                 search.left.extend(batch);
                 let mut reach = FIRST_REACH / WIDTH * cells.size();
                 while !search.left.is_empty()
                     && reach <= MAX_REACH * cells.size()
-                    && search.widen(&cells, k, reach, &mut covariances)
+                    && search.widen(&cells, k, reach, covariances)
                 {
                     reach *= 1.5;
                 }

@@ -66,10 +66,9 @@ pub fn centerline(
             advance(points[i], -radius, normals[i])
         };
         let axis = cells.gather_axes(inward);
-        cells.batches().for_each_task(|batches| {
-            let mut around = Around::default();
+        cells.batches().for_each_task(|around: &mut Around, batches| {
             for batch in batches {
-                let Some((counts, means)) = average(&cells, &axis, reach, batch, &mut around) else {
+                let Some((counts, means)) = average(&cells, &axis, reach, batch, around) else {
                     crowded.add(batch.iter().map(|&position| cells.input_index(position as usize)));
                     continue;
                 };

@@ -78,14 +78,18 @@ impl Batches {
         self.starts.windows(2).map(|pair| &self.positions[pair[0] as usize..pair[1] as usize])
     }
 
-    /// Calls `task` with the batches of each task, in parallel.
-    pub fn for_each_task<'a>(&'a self, task: impl Fn(&mut dyn Iterator<Item = &'a [u32]>) + Sync + Send) {
+    /// Calls `task` with the batches of each task, in parallel. Tasks reuse the buffers of others.
+    pub fn for_each_task<'a, B: Default>(
+        &'a self,
+        task: impl Fn(&mut B, &mut dyn Iterator<Item = &'a [u32]>) + Sync + Send,
+    ) {
         let ranges: Vec<Range<u32>> = self.starts.windows(2).map(|pair| pair[0]..pair[1]).collect();
-        ranges.par_chunks(BATCHES_PER_TASK).for_each(|ranges| {
-            task(&mut ranges.iter().map(|range| {
+        ranges.par_chunks(BATCHES_PER_TASK).for_each_init(B::default, |buffers, ranges| {
+            let mut batches = ranges.iter().map(|range| {
                 go_on();
                 &self.positions[range.start as usize..range.end as usize]
-            }));
+            });
+            task(buffers, &mut batches);
         });
     }
 }
