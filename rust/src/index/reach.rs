@@ -23,7 +23,7 @@ pub fn reach_of(points: &[Point], k: usize) -> f64 {
     // in the part, this many points stand for k of all
     let few = (k * part.len()).div_ceil(points.len()).clamp(2.min(part.len()), part.len());
     let mut squares: Vec<f64> = seeds
-        .iter()
+        .par_iter()
         .map(|&seed| {
             let mut squares: Vec<f64> = part.iter().map(|&p| squared_distance(p, seed)).collect();
             *squares.select_nth_unstable_by(few - 1, f64::total_cmp).1
