@@ -125,9 +125,8 @@ kernel! {
         let frame = around.find(simd, cells, &cells.bounds(batch), radius)?;
         let lanes = frame.lanes(batch.iter().map(|&position| cells.point(position as usize)));
         let (low, high) = frame.limits(radius);
-        sums.measure(simd, around, &lanes);
-        sums.add(simd, cells, around, &frame, &[low; BATCH]);
-        let maybe = sums.count_below(simd, &[high; BATCH]);
-        Some(std::array::from_fn(|l| maybe[l] != sums.counts[l]))
+        sums.measure(simd, around, &lanes, high);
+        let [certain, possible] = sums.add(simd, cells, &frame, [&[low; BATCH], &[high; BATCH]]);
+        Some(std::array::from_fn(|l| certain[l] != possible[l]))
     }
 }

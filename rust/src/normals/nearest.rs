@@ -142,29 +142,41 @@ kernel! {
         }
         let lanes = frame.lanes(left.iter().map(|&position| cells.point(position as usize)));
         let (farthest, _) = frame.limits(reach);
-        sums.measure(simd, around, &lanes);
-        let (limits, cuts) = cut(simd, sums, k as f32, farthest, frame.rounding, guess);
-        sums.add(simd, cells, around, &frame, &limits);
-        Some(cuts)
+        // a gap of twice the rounding error on one side decides
+        let margin = 2.0 * frame.rounding;
+        sums.measure(simd, around, &lanes, farthest + 2.0 * margin);
+        let within = sums.count_below(simd, &[farthest; BATCH]);
+        let k = k as f32;
+        let (at, count) = cut(simd, sums, k, (farthest, within), guess);
+        let limits = [&at, &at.map(|at| at + margin), &at.map(|at| at - margin)];
+        let [_, above, below] = sums.add(simd, cells, &frame, limits);
+        Some(std::array::from_fn(|l| {
+            if within[l] < k {
+                Cut::Beyond
+            } else if count[l] == k && (above[l] == k || below[l] == k) {
+                Cut::Clear
+            } else {
+                Cut::Close
+            }
+        }))
     }
 }
 
 /// Finds in each lane a number between the k-th and the next squared distance, by counting those below it.
 ///
-/// Uses false position, with halving where that is slow. `guess` is the answer for other points.
+/// Uses false position, with halving where that is slow. Starts with the `farthest` and the counts within it. `guess`
+/// is the answer for other points. Also returns the last counts, which are `k` where it succeeded.
 #[inline(always)]
 fn cut<S: Simd>(
     simd: S,
     sums: &Sums,
     k: f32,
-    farthest: f32,
-    rounding: f32,
+    (farthest, within): (f32, Singles),
     guess: &mut f32,
-) -> (Singles, [Cut; BATCH]) {
+) -> (Singles, Singles) {
     let (mut low, mut low_count) = ([0.0; BATCH], [0.0; BATCH]);
-    let (mut high, mut high_count) = ([farthest; BATCH], sums.count_below(simd, &[farthest; BATCH]));
+    let (mut high, mut high_count) = ([farthest; BATCH], within);
     let mut at = [if *guess > 0.0 && *guess < farthest { *guess } else { 0.5 * farthest }; BATCH];
-    let beyond = high_count.map(|count| count < k);
     let mut count = [0.0; BATCH];
     for round in 0..MAX_ROUNDS {
         count = sums.count_below(simd, &at);
@@ -179,7 +191,7 @@ fn cut<S: Simd>(
             let share = (k + 0.5 - low_count[l]) / (high_count[l] + last - low_count[l]);
             let share = if round % 3 == 2 { 0.5 } else { share };
             let next = low[l] + (high[l] - low[l]) * share;
-            let found = !(below | above) | beyond[l];
+            let found = !(below | above) | (within[l] < k);
             at[l] = if found { at[l] } else { next };
             open |= i32::from(!found);
         }
@@ -188,19 +200,7 @@ fn cut<S: Simd>(
         }
     }
     *guess = at[0];
-    // a gap of twice the rounding error on one side decides
-    let above = sums.count_below(simd, &at.map(|at| at + 2.0 * rounding));
-    let below = sums.count_below(simd, &at.map(|at| at - 2.0 * rounding));
-    let cuts = std::array::from_fn(|l| {
-        if beyond[l] {
-            Cut::Beyond
-        } else if count[l] == k && (above[l] == k || below[l] == k) {
-            Cut::Clear
-        } else {
-            Cut::Close
-        }
-    });
-    (at, cuts)
+    (at, count)
 }
 
 /// Returns the covariance of the k nearest points in double precision, the first in the cells' order among equals; None
