@@ -12,8 +12,10 @@ mod network;
 mod pairings;
 mod planar;
 mod refine;
+mod region;
 mod search;
 mod skeleton;
+mod stiffness;
 #[cfg(test)]
 mod tests;
 mod widths;

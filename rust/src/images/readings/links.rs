@@ -1,9 +1,9 @@
 //! Curves through zones, from port to port, fitted to the mask's edge.
 
 use super::lookup::Lookup;
-use super::network::{Network, Port, Skeleton};
+use super::network::{Network, Port};
 use super::planar::{Place, bending, distance, hermite, length, resampled, smoothed, unit};
-use crate::geometry::banded::{Bordered, PLANAR};
+use super::stiffness::Stiffness;
 use crate::images::silhouette::{Edge, Silhouette};
 use crate::images::surroundings::Shown;
 use crate::simd::{LANES, kernel};
@@ -11,6 +11,7 @@ use crate::simd::{LANES, kernel};
 pub const STEP: f64 = 0.5; // distance between the nodes of a curve, image radii
 pub const TAIL: usize = 8; // nodes of a segment that are fitted together with a curve through its zone
 pub const FIT_BENDING: [f64; 2] = [3.0, 10.0]; // weights of bending and of its change in the fit
+const DAMPING: f64 = 1e-3; // limits steps of nodes that nothing else holds
 pub const EDGE_SD: f64 = 0.25; // lateral standard deviation of the edge, image radii
 pub const EDGE_SHARE: f64 = 0.5; // share of edge places that are independent
 const MAX_VOTE: f64 = 3.0; // largest distance of an edge's vote from the first curve, image radii
@@ -55,12 +56,8 @@ pub struct Passage {
 }
 
 impl Passage {
-    pub fn new(skeleton: &Skeleton, network: &Network, ports: [Port; 2]) -> Self {
-        let tails = ports.map(|port| take_tail(network, port));
-        let [from, to] = [0, 1].map(|k| tails[k][tails[k].len() - 1]);
-        let zone = &network.zones[ports[0].zone as usize - 1];
-        let way = skeleton.way(zone, from, to).unwrap_or_default();
-        Self { tails, way }
+    pub fn new(tails: [Vec<Place>; 2], way: Option<Vec<Place>>) -> Self {
+        Self { tails, way: way.unwrap_or_default() }
     }
 
     /// Returns the bits of its numbers, which equal passages share.
@@ -86,26 +83,6 @@ impl Votes {
         let lookup = Lookup::new(&places, radius_px);
         Self { places, lookup }
     }
-
-    /// Returns the votes near a polyline: their numbers, ascending, and the node nearest to each.
-    fn near(&self, p: &[Place], within: f64) -> Vec<(usize, usize)> {
-        let mut nearest = vec![(within * within, u32::MAX); self.places.len()];
-        let mut found = Vec::new();
-        for (i, node) in p.iter().enumerate() {
-            self.lookup.visit(*node, within, |k, vote| {
-                let square = (vote[0] - node[0]).powi(2) + (vote[1] - node[1]).powi(2);
-                let (least, nearest) = &mut nearest[k];
-                if square < *least {
-                    if *nearest == u32::MAX {
-                        found.push(k);
-                    }
-                    (*least, *nearest) = (square, i as u32);
-                }
-            });
-        }
-        found.sort_unstable();
-        found.into_iter().map(|k| (k, nearest[k].1 as usize)).collect()
-    }
 }
 
 /// Fits a polyline to the mask: the edge is a radius away, the tube is inside, and bending is small.
@@ -122,9 +99,9 @@ pub fn fit(
     let radius_px = silhouette.radius_px;
     let n = p.len();
     let h = length(p) / (n - 1) as f64 / radius_px;
-    let smooth = make_smoothness(n, h, FIT_BENDING);
+    let stiffness = Stiffness::new(h, FIT_BENDING, anchors.to_vec(), DAMPING);
     let mut x = p.to_vec();
-    let near = votes.near(p, MAX_VOTE * radius_px);
+    let near = votes.lookup.near(p, MAX_VOTE * radius_px);
     let edges: Vec<(Place, &Edge)> =
         near.iter().map(|&(k, _)| (votes.places[k], &silhouette.boundary[k])).collect();
     let mut nearest: Vec<(Place, usize, f64)> =
@@ -140,32 +117,7 @@ pub fn fit(
             return None;
         }
         let reach = if iteration < 4 { 1.3 } else { 0.8 };
-        let mut matrix = Bordered::<PLANAR>::zeros(2 * n, 0);
-        let mut right = vec![0.0; 2 * n];
-        for i in 0..n {
-            for (k, &weight) in smooth[i].iter().enumerate() {
-                let Some(j) = i.checked_sub(k) else { continue };
-                for c in 0..2 {
-                    matrix.add_band(2 * i + c, 2 * j + c, weight);
-                    right[2 * i + c] -= weight * x[j][c] / radius_px;
-                    if j != i {
-                        right[2 * j + c] -= weight * x[i][c] / radius_px;
-                    }
-                }
-            }
-            for c in 0..2 {
-                matrix.add_band(2 * i + c, 2 * i + c, anchors[i] + 1e-3);
-                right[2 * i + c] -= anchors[i] * (x[i][c] - p[i][c]) / radius_px;
-            }
-        }
-        let mut add = |i: usize, along: Place, residual: f64, weight: f64| {
-            matrix.add_band(2 * i, 2 * i, weight * along[0] * along[0]);
-            matrix.add_band(2 * i + 1, 2 * i + 1, weight * along[1] * along[1]);
-            matrix.add_band(2 * i + 1, 2 * i, weight * along[0] * along[1]);
-            for c in 0..2 {
-                right[2 * i + c] -= weight * along[c] * residual;
-            }
-        };
+        let mut equations = stiffness.equations(&x, p, radius_px);
         let tangents: Vec<Place> = (0..n)
             .map(|i| {
                 let (a, b) = (x[i.saturating_sub(1)], x[(i + 1).min(n - 1)]);
@@ -191,22 +143,20 @@ pub fn fit(
             let weight = (1.0 - (residual / reach).powi(2)).powi(2) * EDGE_SHARE * edge.weight
                 / radius_px
                 / (EDGE_SD * EDGE_SD);
-            add(k, [-normal[0], -normal[1]], residual, weight);
+            equations.add(k, [-normal[0], -normal[1]], residual, weight);
         }
         for (i, &node) in x.iter().enumerate() {
             let missing = 0.9 - silhouette.distance(node) / radius_px;
             if missing > 0.0 && !silhouette.hidden(node) {
                 let g = silhouette.gradient(node);
-                add(i, [-g[0], -g[1]], missing, 4.0 * h);
+                equations.add(i, [-g[0], -g[1]], missing, 4.0 * h);
             }
         }
-        let Some(factor) = matrix.factor() else { break };
-        let (step, _) = factor.solve(&right, &[]);
-        let most = step.iter().fold(0.0f64, |m, s| m.max(s.abs()));
+        let Some((step, most)) = equations.solve() else { break };
         let scale = (0.7 / most.max(1e-9)).min(1.0) * radius_px;
-        for i in 0..n {
+        for (node, step) in x.iter_mut().zip(step) {
             for c in 0..2 {
-                x[i][c] += scale * step[2 * i + c];
+                node[c] += scale * step[c];
             }
         }
         if most.min(0.7) < 0.02 {
@@ -255,23 +205,6 @@ fn is_alike(p: &[Place], q: &[Place], within: f64) -> bool {
         let t = at - k as f64;
         distance(x, [0, 1].map(|c| q[k][c] + t * (q[k + 1][c] - q[k][c]))) <= within
     })
-}
-
-/// Returns the lower rows of the matrix of bending and its change: entries for each node and the three before it.
-pub fn make_smoothness(n: usize, h: f64, weights: [f64; 2]) -> Vec<[f64; 4]> {
-    let mut rows = vec![[0.0; 4]; n];
-    let mut add = |taps: &[f64], weight: f64| {
-        for start in 0..(n + 1).saturating_sub(taps.len()) {
-            for (i, a) in taps.iter().enumerate() {
-                for (j, b) in taps.iter().enumerate().take(i + 1) {
-                    rows[start + i][i - j] += weight * a * b;
-                }
-            }
-        }
-    };
-    add(&[1.0, -2.0, 1.0], weights[0] / h.powi(3));
-    add(&[-1.0, 3.0, -3.0, 1.0], weights[1] / h.powi(5));
-    rows
 }
 
 /// Returns the nodes of a segment before a port, the port last.

@@ -159,22 +159,25 @@ impl Skeleton {
         self.depth[i as usize]
     }
 
-    /// Returns the shortest way through a zone's pixels, between the pixels nearest to two places.
-    pub fn way(&self, zone: &[u32], from: Place, to: Place) -> Option<Vec<Place>> {
-        let nearest = |x: Place| {
-            zone.iter()
-                .copied()
-                .min_by(|&a, &b| distance(self.place(a), x).total_cmp(&distance(self.place(b), x)))
+    /// Returns the pixel of a zone that is nearest to a place; the first of several.
+    pub fn nearest(&self, zone: &[u32], to: Place) -> Option<u32> {
+        let away = |i: u32| {
+            let place = self.place(i);
+            (place[0] - to[0]).powi(2) + (place[1] - to[1]).powi(2)
         };
-        let (first, last) = (nearest(from)?, nearest(to)?);
-        let at = |i: u32| zone.binary_search(&i).ok();
+        let squares = zone.iter().map(|&i| (away(i), i));
+        squares.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, i)| i)
+    }
+
+    /// Finds the shortest ways through a zone's pixels from one of them.
+    pub fn ways<'a>(&'a self, zone: &'a [u32], first: u32) -> Ways<'a> {
         let mut before = vec![u32::MAX; zone.len()];
-        before[at(first)?] = first;
         let mut queue = std::collections::VecDeque::from([first]);
+        let at = |i: u32| zone.binary_search(&i).ok();
+        if let Some(k) = at(first) {
+            before[k] = first;
+        }
         while let Some(i) = queue.pop_front() {
-            if i == last {
-                break;
-            }
             for &n in self.net.near(i as usize) {
                 if let Some(k) = at(n)
                     && before[k] == u32::MAX
@@ -184,15 +187,30 @@ impl Skeleton {
                 }
             }
         }
-        let mut way = vec![self.place(last)];
+        Ways { skeleton: self, zone, first, before }
+    }
+}
+
+/// The shortest ways through a zone's pixels from one of them.
+pub struct Ways<'a> {
+    skeleton: &'a Skeleton,
+    zone: &'a [u32],
+    first: u32,
+    /// The pixel before each pixel of the zone; `u32::MAX` if no way leads there.
+    before: Vec<u32>,
+}
+
+impl Ways<'_> {
+    /// Returns the places on the way to a pixel; None if there is no way.
+    pub fn to(&self, last: u32) -> Option<Vec<Place>> {
+        let mut way = vec![self.skeleton.place(last)];
         let mut i = last;
-        while i != first {
-            let b = before[at(i)?];
-            if b == u32::MAX {
+        while i != self.first {
+            i = self.before[self.zone.binary_search(&i).ok()?];
+            if i == u32::MAX {
                 return None;
             }
-            i = b;
-            way.push(self.place(i));
+            way.push(self.skeleton.place(i));
         }
         way.reverse();
         Some(way)

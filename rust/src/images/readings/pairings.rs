@@ -2,9 +2,12 @@
 
 use std::collections::HashMap;
 
-use super::links::{Link, Passage, Votes, make_free_end, make_link};
+use rustc_hash::FxHashMap;
+
+use super::links::{Link, Passage, Votes, make_free_end, make_link, take_tail};
 use super::network::{Network, Port, Skeleton};
 use super::planar::{Place, cross, distance, nearest};
+use super::region::{Cover, Region};
 use crate::images::silhouette::Silhouette;
 use crate::parallel;
 
@@ -50,123 +53,6 @@ pub struct Way {
     /// The part of its cost for ends, dropped stubs and kisses.
     pub fixed: f64,
     pub joints: Vec<usize>,
-}
-
-/// The mask that the links of a zone should cover.
-struct Region {
-    origin: Place,
-    step: f64,
-    width: usize,
-    height: usize,
-    /// The number of each pixel in that mask; `NONE` elsewhere.
-    numbers: Vec<u32>,
-    /// The number of these pixels.
-    count: usize,
-}
-
-const NONE: u32 = u32::MAX;
-
-impl Region {
-    /// Takes the mask around a zone, without what segments cover.
-    fn new(silhouette: &Silhouette, skeleton: &Skeleton, network: &Network, zone: &[u32]) -> Self {
-        let radius_px = silhouette.radius_px;
-        let mut low = [f64::INFINITY; 2];
-        let mut high = [f64::NEG_INFINITY; 2];
-        for &i in zone {
-            let p = skeleton.place(i);
-            for c in 0..2 {
-                low[c] = low[c].min(p[c] - 5.0 * radius_px);
-                high[c] = high[c].max(p[c] + 5.0 * radius_px);
-            }
-        }
-        let step = (radius_px / 5.0).floor().max(1.0);
-        let origin = [low[0].floor(), low[1].floor()];
-        let width = ((high[0] - origin[0]) / step) as usize + 2;
-        let height = ((high[1] - origin[1]) / step) as usize + 2;
-        let mut region = Self { origin, step, width, height, numbers: Vec::new(), count: 0 };
-        let mut inside = vec![false; width * height];
-        for &i in zone.iter().step_by(silhouette.strokes.scale) {
-            region.stamp(&[skeleton.place(i); 2], skeleton.depth(i) + 0.5 * radius_px, &mut inside, true);
-        }
-        for (k, value) in inside.iter_mut().enumerate() {
-            *value = *value && silhouette.distance(region.place(k)) > 0.0;
-        }
-        for (segment, &stub) in network.segments.iter().zip(&network.stubs) {
-            let near = |p: &Place| (0..2).all(|c| p[c] > low[c] && p[c] < high[c]);
-            if !stub && segment.points.iter().any(near) {
-                region.stamp(&segment.points, 1.2 * radius_px + 0.3, &mut inside, false);
-            }
-        }
-        region.numbers = vec![NONE; inside.len()];
-        for (number, _) in region.numbers.iter_mut().zip(&inside).filter(|(_, inside)| **inside) {
-            *number = region.count as u32;
-            region.count += 1;
-        }
-        region
-    }
-
-    fn place(&self, k: usize) -> Place {
-        [
-            self.origin[0] + self.step * (k % self.width) as f64,
-            self.origin[1] + self.step * (k / self.width) as f64,
-        ]
-    }
-
-    /// Sets the pixels within a distance of a polyline.
-    fn stamp(&self, p: &[Place], reach: f64, pixels: &mut [bool], value: bool) {
-        self.visit(p, reach, |k, is_near| {
-            if pixels[k] != value && is_near() {
-                pixels[k] = value;
-            }
-        });
-    }
-
-    /// Calls with each pixel that may be within a distance of a polyline, and with a test whether it is.
-    fn visit(&self, p: &[Place], reach: f64, mut call: impl FnMut(usize, &dyn Fn() -> bool)) {
-        for pair in p.windows(2) {
-            let ends = |c: usize, count: usize| {
-                let (a, b) = (pair[0][c].min(pair[1][c]) - reach, pair[0][c].max(pair[1][c]) + reach);
-                let first = ((a - self.origin[c]) / self.step).ceil().max(0.0) as usize;
-                let last = ((b - self.origin[c]) / self.step).floor();
-                (first, if last < 0.0 { 0 } else { (last as usize + 1).min(count) })
-            };
-            let ((left, right), (top, bottom)) = (ends(0, self.width), ends(1, self.height));
-            let d = [pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]];
-            let square = (d[0] * d[0] + d[1] * d[1]).max(1e-12);
-            for y in top..bottom {
-                for x in left..right {
-                    call(y * self.width + x, &|| {
-                        let e = [
-                            self.origin[0] + self.step * x as f64 - pair[0][0],
-                            self.origin[1] + self.step * y as f64 - pair[0][1],
-                        ];
-                        let t = ((e[0] * d[0] + e[1] * d[1]) / square).clamp(0.0, 1.0);
-                        (e[0] - t * d[0]).powi(2) + (e[1] - t * d[1]).powi(2) <= reach * reach
-                    });
-                }
-            }
-        }
-    }
-
-    /// Returns a bit for each of its pixels that a curve covers.
-    fn covered(&self, p: &[Place], reach: f64) -> Vec<u64> {
-        let mut bits = vec![0u64; self.count.div_ceil(64)];
-        self.visit(p, reach, |k, is_near| {
-            let number = self.numbers[k] as usize;
-            if self.numbers[k] != NONE && bits[number / 64] >> (number % 64) & 1 == 0 && is_near() {
-                bits[number / 64] |= 1 << (number % 64);
-            }
-        });
-        bits
-    }
-
-    /// Returns the area that no cover covers, squared pixels.
-    fn find_uncovered(&self, covers: &[&Vec<u64>]) -> f64 {
-        let covered: u32 = (0..self.count.div_ceil(64))
-            .map(|word| covers.iter().fold(0, |w, c| w | c[word]).count_ones())
-            .sum();
-        (self.count - covered as usize) as f64 * self.step * self.step
-    }
 }
 
 /// Returns how much two curves touch without crossing: 1 if they coincide, 0 if they cross or stay apart.
@@ -233,16 +119,24 @@ pub fn rank_pairings(silhouette: &Silhouette, votes: &Votes, zones: &[Zone], mos
 
 /// Returns the pairs of a zone's ports that are worth a link, with the passages between them.
 fn list_passages(zone: &Zone) -> Vec<((usize, usize), Passage)> {
-    let Zone { skeleton, network, ports, .. } = zone;
+    let Zone { skeleton, network, ports, number } = zone;
     let partners = choose_partners(network, ports);
-    (0..ports.len())
-        .flat_map(|a| (a + 1..ports.len()).map(move |b| (a, b)))
-        .filter(|&(a, b)| {
-            let long = network.segments[ports[a].segment].points.len() >= 8;
-            partners[a][b] && (ports[a].segment != ports[b].segment || long)
-        })
-        .map(|(a, b)| ((a, b), Passage::new(skeleton, network, [ports[a], ports[b]])))
-        .collect()
+    let pixels = &network.zones[*number];
+    let tails: Vec<Vec<Place>> = ports.iter().map(|&port| take_tail(network, port)).collect();
+    let nearest: Vec<Option<u32>> =
+        tails.iter().map(|tail| skeleton.nearest(pixels, tail[tail.len() - 1])).collect();
+    let mut passages = Vec::new();
+    for a in 0..ports.len() {
+        let ways = nearest[a].map(|first| skeleton.ways(pixels, first));
+        let long = network.segments[ports[a].segment].points.len() >= 8;
+        for b in a + 1..ports.len() {
+            if partners[a][b] && (ports[a].segment != ports[b].segment || long) {
+                let way = ways.as_ref().zip(nearest[b]).and_then(|(ways, last)| ways.to(last));
+                passages.push(((a, b), Passage::new([tails[a].clone(), tails[b].clone()], way)));
+            }
+        }
+    }
+    passages
 }
 
 /// Ranks the ways to join the ports of a zone by links or by free ends; tries at most `most` of them.
@@ -253,8 +147,7 @@ fn rank_ways(silhouette: &Silhouette, zone: &Zone, mut joints: Vec<Joint>, most:
         joints.push(Joint { ports: (a, None), link: make_free_end(silhouette, network, port) });
     }
     let region = Region::new(silhouette, skeleton, network, &network.zones[*number]);
-    let covers: Vec<Vec<u64>> =
-        joints.iter().map(|j| region.covered(&j.link.full, 1.2 * radius_px + 0.3)).collect();
+    let covers: Vec<Cover> = joints.iter().map(|j| region.cover(&j.link.full)).collect();
     let mut least = vec![f64::INFINITY; ports.len()];
     for joint in &joints {
         match joint.ports {
@@ -267,29 +160,49 @@ fn rank_ways(silhouette: &Silhouette, zone: &Zone, mut joints: Vec<Joint>, most:
     }
     let mut search = Search {
         joints: &joints,
+        options: sort_options(&joints, ports.len()),
+        taken: vec![false; ports.len()],
         least: &least,
         region: &region,
         covers: &covers,
         radius_px,
-        kisses: HashMap::new(),
+        kisses: FxHashMap::default(),
         left: [most.min(MAX_TRIED), MAX_WORK],
         ways: Vec::new(),
     };
-    let all: Vec<usize> = (0..ports.len()).collect();
-    search.join(&all, &mut Vec::new(), 0.0);
+    search.join(ports.len(), &mut Vec::new(), 0.0);
     let ways = search.ways;
     Pairings { joints, ways }
+}
+
+/// Lists the joints of each port, the cheapest first.
+fn sort_options(joints: &[Joint], ports: usize) -> Vec<Vec<usize>> {
+    let mut options = vec![Vec::new(); ports];
+    for (k, joint) in joints.iter().enumerate() {
+        let (a, b) = joint.ports;
+        options[a].push(k);
+        if let Some(b) = b {
+            options[b].push(k);
+        }
+    }
+    for own in &mut options {
+        own.sort_by(|&x, &y| joints[x].link.cost.total_cmp(&joints[y].link.cost));
+    }
+    options
 }
 
 /// The enumeration of ways.
 struct Search<'a> {
     joints: &'a [Joint],
+    options: Vec<Vec<usize>>,
+    /// Which ports are joined.
+    taken: Vec<bool>,
     /// The least cost that each port adds.
     least: &'a [f64],
     region: &'a Region,
-    covers: &'a [Vec<u64>],
+    covers: &'a [Cover],
     radius_px: f64,
-    kisses: HashMap<(usize, usize), f64>,
+    kisses: FxHashMap<(usize, usize), f64>,
     /// The remaining tries and joints.
     left: [usize; 2],
     /// The best ways so far, the best first.
@@ -297,49 +210,62 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Joins the remaining ports: the first of them in every way that is not too expensive.
-    fn join(&mut self, rest: &[usize], chosen: &mut Vec<usize>, cost: f64) {
-        let work = self.joints.len() * rest.len();
+    /// Joins the `rest` of the ports: the first of them in every way that is not too expensive.
+    fn join(&mut self, rest: usize, chosen: &mut Vec<usize>, cost: f64) {
+        let work = self.joints.len() * rest;
         if self.left[0] == 0 || self.left[1] < work {
             return;
         }
         self.left = [self.left[0] - 1, self.left[1] - work];
-        let at_least = cost + rest.iter().map(|&port| self.least[port]).sum::<f64>();
+        let free = self.taken.iter().zip(self.least).filter(|(taken, _)| !**taken);
+        let at_least = cost + free.map(|(_, least)| least).sum::<f64>();
         if self.ways.len() == MAX_KEPT && at_least - 1e-9 > self.ways[MAX_KEPT - 1].cost {
             return;
         }
-        let Some(&a) = rest.first() else {
-            let kisses = self.kisses(chosen);
-            let ends = chosen.iter().map(|&k| &self.joints[k]).filter(|j| j.ports.1.is_none());
-            let fixed = kisses + ends.map(|j| j.link.cost).sum::<f64>();
-            let covers: Vec<&Vec<u64>> = chosen.iter().map(|&k| &self.covers[k]).collect();
-            let bare = UNCOVERED * self.region.find_uncovered(&covers) / (self.radius_px * self.radius_px);
-            let cost = cost + kisses + bare;
-            let rank = self.ways.partition_point(|way| way.cost <= cost);
-            if rank < MAX_KEPT {
-                self.ways.insert(rank, Way { cost, fixed, joints: chosen.clone() });
-                self.ways.truncate(MAX_KEPT);
-            }
+        let Some(port) = self.taken.iter().position(|taken| !taken) else {
+            self.keep(chosen, cost);
             return;
         };
-        let mut options: Vec<(f64, usize)> = self
-            .joints
-            .iter()
-            .enumerate()
-            .filter(|(_, j)| match j.ports {
-                (p, None) => p == a,
-                (p, Some(q)) => (p == a && rest.contains(&q)) || (q == a && rest.contains(&p)),
-            })
-            .map(|(k, j)| (j.link.cost, k))
-            .collect();
-        options.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
-        options.truncate(if rest.len() > 6 { 6 } else { 12 });
-        for (more, k) in options {
-            let (p, q) = self.joints[k].ports;
-            let left: Vec<usize> = rest.iter().copied().filter(|&r| r != p && Some(r) != q).collect();
+        let mut options = if rest > 6 { 6 } else { 12 };
+        for i in 0..self.options[port].len() {
+            let k = self.options[port][i];
+            let (a, b) = self.joints[k].ports;
+            if self.taken[a] || b.is_some_and(|b| self.taken[b]) {
+                continue;
+            }
+            if options == 0 {
+                break;
+            }
+            options -= 1;
+            self.take(k, true);
             chosen.push(k);
-            self.join(&left, chosen, cost + more);
+            self.join(rest - if b.is_some() { 2 } else { 1 }, chosen, cost + self.joints[k].link.cost);
             chosen.pop();
+            self.take(k, false);
+        }
+    }
+
+    /// Says that a joint's ports are joined, or that they are not.
+    fn take(&mut self, joint: usize, taken: bool) {
+        let (a, b) = self.joints[joint].ports;
+        self.taken[a] = taken;
+        if let Some(b) = b {
+            self.taken[b] = taken;
+        }
+    }
+
+    /// Prices a whole way, and keeps it if it is among the best.
+    fn keep(&mut self, chosen: &[usize], cost: f64) {
+        let kisses = self.kisses(chosen);
+        let ends = chosen.iter().map(|&k| &self.joints[k]).filter(|j| j.ports.1.is_none());
+        let fixed = kisses + ends.map(|j| j.link.cost).sum::<f64>();
+        let covers: Vec<&Cover> = chosen.iter().map(|&k| &self.covers[k]).collect();
+        let bare = UNCOVERED * self.region.find_uncovered(&covers) / (self.radius_px * self.radius_px);
+        let cost = cost + kisses + bare;
+        let rank = self.ways.partition_point(|way| way.cost <= cost);
+        if rank < MAX_KEPT {
+            self.ways.insert(rank, Way { cost, fixed, joints: chosen.to_vec() });
+            self.ways.truncate(MAX_KEPT);
         }
     }
 

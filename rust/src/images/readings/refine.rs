@@ -1,17 +1,19 @@
 //! Whole chains fitted together to the mask's edge, including pieces of edge that no chain explains yet.
 
-use super::links::{EDGE_SD, EDGE_SHARE, FIT_BENDING, make_smoothness};
+use super::links::{EDGE_SD, EDGE_SHARE, FIT_BENDING};
 use super::lookup::Lookup;
 use super::planar::{Place, length, unit};
-use crate::geometry::banded::{Bordered, PLANAR};
+use super::stiffness::{Equations, Stiffness};
 use crate::images::silhouette::Silhouette;
 
 /// Reach of edges that no chain explains yet, by iteration, image radii.
-const REACH: [f64; 7] = [4.0, 4.0, 3.5, 3.0, 2.0, 1.3, 0.8];
+const REACH: [f64; 5] = [4.0, 3.0, 2.0, 1.3, 0.8];
 const NEAR: f64 = 1.2; // reach of edges near chains at least, image radii
 /// An edge is explained by a chain within this distance of its vote for the axis, image radii.
 const EXPLAINED: f64 = 0.8;
 const MAX_ALONG: f64 = 0.45; // cosine between an edge's normal and the rope's direction at most
+const END_HOLD: f64 = 100.0; // weight that holds a chain's ends where they started
+const DAMPING: f64 = 1e-2; // limits steps of nodes that nothing else holds
 const SLACK: f64 = 1e-6; // pixels by which a search reaches farther than a known node, against rounding
 
 /// Fits chains together to the mask.
@@ -27,8 +29,13 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
     let mut nodes: Vec<Place> = chains.concat();
     let chain_of: Vec<usize> = chains.iter().enumerate().flat_map(|(k, c)| vec![k; c.len()]).collect();
     let steps: Vec<f64> = chains.iter().map(|c| length(c) / (c.len() - 1) as f64 / radius_px).collect();
-    let smooth: Vec<Vec<[f64; 4]>> =
-        chains.iter().zip(&steps).map(|(c, &h)| make_smoothness(c.len(), h, FIT_BENDING)).collect();
+    let stiffen = |(chain, &h): (&Vec<Place>, &f64)| {
+        let mut holds = vec![0.0; chain.len()];
+        holds[0] = END_HOLD;
+        holds[chain.len() - 1] = END_HOLD;
+        Stiffness::new(h, FIT_BENDING, holds, DAMPING)
+    };
+    let stiffness: Vec<Stiffness> = chains.iter().zip(&steps).map(stiffen).collect();
     let is_end = |i: usize| {
         let k = chain_of[i];
         i == starts[k] || i + 1 == starts[k] + chains[k].len()
@@ -45,8 +52,9 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
                 unit([b[0] - a[0], b[1] - a[1]])
             })
             .collect();
-        let mut systems: Vec<(Bordered<PLANAR>, Vec<f64>)> =
-            chains.iter().map(|c| (Bordered::zeros(2 * c.len(), 0), vec![0.0; 2 * c.len()])).collect();
+        let mut systems: Vec<Equations> = (stiffness.iter().zip(chains).zip(&starts))
+            .map(|((stiffness, c), &s)| stiffness.equations(&nodes[s..s + c.len()], c, radius_px))
+            .collect();
         for (edge, last) in silhouette.boundary.iter().zip(&mut last) {
             let vote = [edge.at[0] - radius_px * edge.normal[0], edge.at[1] - radius_px * edge.normal[1]];
             let away = |x: Place| [vote[0] - x[0], vote[1] - x[1]];
@@ -81,44 +89,24 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
             };
             let weight = weight * EDGE_SHARE * edge.weight / radius_px / (EDGE_SD * EDGE_SD);
             let k = chain_of[i];
-            add(&mut systems[k], i - starts[k], [-edge.normal[0], -edge.normal[1]], residual, weight);
+            systems[k].add(i - starts[k], [-edge.normal[0], -edge.normal[1]], residual, weight);
         }
         let mut most = 0.0f64;
-        for (k, (mut system, chain)) in systems.into_iter().zip(chains).enumerate() {
-            let n = chain.len();
-            let x = nodes[starts[k]..starts[k] + n].to_vec();
-            for i in 0..n {
-                for (back, &weight) in smooth[k][i].iter().enumerate() {
-                    let Some(j) = i.checked_sub(back) else { continue };
-                    for c in 0..2 {
-                        system.0.add_band(2 * i + c, 2 * j + c, weight);
-                        system.1[2 * i + c] -= weight * x[j][c] / radius_px;
-                        if j != i {
-                            system.1[2 * j + c] -= weight * x[i][c] / radius_px;
-                        }
-                    }
-                }
-                let hold = if i == 0 || i + 1 == n { 100.0 } else { 1e-2 };
-                for c in 0..2 {
-                    system.0.add_band(2 * i + c, 2 * i + c, hold);
-                    if hold > 1.0 {
-                        system.1[2 * i + c] -= hold * (x[i][c] - chain[i][c]) / radius_px;
-                    }
-                }
-                let missing = 0.9 - silhouette.distance(x[i]) / radius_px;
-                if missing > 0.0 && !silhouette.hidden(x[i]) {
-                    let g = silhouette.gradient(x[i]);
-                    add(&mut system, i, [-g[0], -g[1]], missing, 4.0 * steps[k]);
+        for (k, mut system) in systems.into_iter().enumerate() {
+            let own = &mut nodes[starts[k]..starts[k] + chains[k].len()];
+            for (i, &x) in own.iter().enumerate() {
+                let missing = 0.9 - silhouette.distance(x) / radius_px;
+                if missing > 0.0 && !silhouette.hidden(x) {
+                    let g = silhouette.gradient(x);
+                    system.add(i, [-g[0], -g[1]], missing, 4.0 * steps[k]);
                 }
             }
-            let Some(factor) = system.0.factor() else { continue };
-            let (step, _) = factor.solve(&system.1, &[]);
-            let far = step.iter().fold(0.0f64, |m, s| m.max(s.abs()));
+            let Some((step, far)) = system.solve() else { continue };
             most = most.max(far);
             let scale = (0.7 / far.max(1e-9)).min(1.0) * radius_px;
-            for i in 0..n {
+            for (node, step) in own.iter_mut().zip(step) {
                 for c in 0..2 {
-                    nodes[starts[k] + i][c] += scale * step[2 * i + c];
+                    node[c] += scale * step[c];
                 }
             }
         }
@@ -127,14 +115,4 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
         }
     }
     chains.iter().zip(&starts).map(|(c, &s)| nodes[s..s + c.len()].to_vec()).collect()
-}
-
-/// Adds a residual of a node along a direction to a chain's normal equations.
-fn add(system: &mut (Bordered<PLANAR>, Vec<f64>), i: usize, along: Place, residual: f64, weight: f64) {
-    system.0.add_band(2 * i, 2 * i, weight * along[0] * along[0]);
-    system.0.add_band(2 * i + 1, 2 * i + 1, weight * along[1] * along[1]);
-    system.0.add_band(2 * i + 1, 2 * i, weight * along[0] * along[1]);
-    for c in 0..2 {
-        system.1[2 * i + c] -= weight * along[c] * residual;
-    }
 }
