@@ -104,12 +104,26 @@ impl EdgeDistances {
         self.interpolate(x, y, |tile| &tile.smooth)
     }
 
+    /// Returns whether a place is inside the mask, where `between` is positive. Far from edges, no tile is made.
+    #[inline]
+    pub fn holds(&self, x: f64, y: f64) -> bool {
+        let ([i, j], _) = self.cell(x, y);
+        let [first, others @ ..] =
+            [(i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)].map(|(i, j)| self.inside.at(i, j));
+        if others.iter().all(|&other| other == first) { first } else { self.between(x, y) > 0.0 }
+    }
+
+    /// Returns the first of the four pixels around a place, and the place's offset from it.
+    #[inline(always)]
+    fn cell(&self, x: f64, y: f64) -> ([usize; 2], [f64; 2]) {
+        let at = [x.clamp(0.0, (self.size[0] - 1) as f64), y.clamp(0.0, (self.size[1] - 1) as f64)];
+        let first = [0, 1].map(|c| (at[c] as usize).min(self.size[c] - 2));
+        (first, [0, 1].map(|c| at[c] - first[c] as f64))
+    }
+
     #[inline(always)]
     fn interpolate(&self, x: f64, y: f64, of: impl Fn(&Tile) -> &Numbers) -> f64 {
-        let x = x.clamp(0.0, (self.size[0] - 1) as f64);
-        let y = y.clamp(0.0, (self.size[1] - 1) as f64);
-        let (i, j) = ((x as usize).min(self.size[0] - 2), (y as usize).min(self.size[1] - 2));
-        let (a, b) = (x - i as f64, y - j as f64);
+        let ([i, j], [a, b]) = self.cell(x, y);
         let (tile, k) = self.find(i, j);
         let v = of(tile);
         let above = f64::from(v[k]) * (1.0 - a) + f64::from(v[k + 1]) * a;

@@ -29,7 +29,7 @@ pub struct Silhouette {
     pub radius_px: f64,
     /// The radius that the mask shows, pixels, whatever the rope's is.
     pub shown_px: f64,
-    /// Places on the edge, about one each pixel.
+    /// Places on the edge, about one each pixel; fewer of thick ropes.
     pub boundary: Vec<Edge>,
     /// The mask, with a margin around it.
     pub(crate) mask: Image<bool>,
@@ -42,6 +42,7 @@ pub struct Silhouette {
 }
 
 const FAR: [f64; 2] = [20.0, 16.0]; // farther places outside the mask count as this far: image radii, and pixels more
+const STEPS: f64 = 2.5; // places on the edge for each image radius of it, about
 const MAX_SHRUNK: f64 = 0.7; // distance by which masks are too narrow at most, pixels
 const MAX_GROWN: f64 = 2.0; // distance by which masks are too wide at most, pixels
 const MAX_GROWN_WIDE: f64 = 1.0; // the same for masks that may show two ropes side by side, pixels
@@ -60,7 +61,7 @@ impl Silhouette {
         let [w, h] = inside.size().map(|n| n / scale);
         let most = ((FAR[0] * radius_px + FAR[1]) * scale as f64).ceil() as usize;
         let distances = EdgeDistances::new(inside, scale, most);
-        let step = ((radius_px / 3.0).round() as usize).max(1);
+        let step = ((radius_px / STEPS).round() as usize).max(1);
         // pixels half a step from the edge, and those at their centres
         let (skeleton, edges) =
             parallel::both(|| find_skeleton(distances.mask()), || distances.find_edges(step * scale));
@@ -118,8 +119,8 @@ impl Silhouette {
         }
     }
 
-    /// Finds the mask's pixels, and projects those near the edge onto it: one for each pixel of edge, or for each third of
-    /// the radius of a thicker rope, `step`. `edges` tells which tiles of distances have edges.
+    /// Finds the mask's pixels, and projects those near the edge onto it: one for each `step` pixels of edge. `edges`
+    /// tells which tiles of distances have edges.
     fn find_boundary(&mut self, edges: &[bool], step: usize) {
         let (near, scale, first) = (0.5 * step as f64, self.strokes.scale, (self.strokes.scale - 1) / 2);
         let [w, h] = [self.mask.width, self.mask.height];
@@ -162,6 +163,13 @@ impl Silhouette {
     pub fn distance(&self, uv: [f64; 2]) -> f64 {
         let [x, y] = self.magnified(uv);
         self.distances.between(x, y)
+    }
+
+    /// Returns whether a place is in the mask, where its distance is positive.
+    #[inline]
+    pub fn holds(&self, uv: [f64; 2]) -> bool {
+        let [x, y] = self.magnified(uv);
+        self.distances.holds(x, y)
     }
 
     /// Returns the signed distance of the centre of a pixel of the frame.
@@ -229,6 +237,7 @@ mod tests {
             for k in 0..WIDTH * HEIGHT {
                 let (u, v) = ((k % WIDTH) as f64, (k / WIDTH) as f64);
                 let expected = radius - (u - x).hypot(v - y);
+                assert_eq!(found.holds([u, v]), found.distance([u, v]) > 0.0);
                 if expected.abs() < 8.0 && (u - x).abs().max((v - y).abs()) < radius + 4.0 {
                     assert!((found.distance([u, v]) - expected).abs() < 0.5, "{scale}: {u}, {v}");
                 }

@@ -122,7 +122,7 @@ fn measure_unexplained(silhouette: &Silhouette, path: &[Place], i: usize, others
         .iter()
         .filter(|&&offset| {
             let x = [path[i][0] - offset * radius_px * t[1], path[i][1] + offset * radius_px * t[0]];
-            silhouette.distance(x) > 0.0 && !near.iter().any(|&o| squared(x, o) < covers * covers)
+            silhouette.holds(x) && !near.iter().any(|&o| squared(x, o) < covers * covers)
         })
         .count();
     shown as f64 / 5.0

@@ -249,7 +249,7 @@ fn make_curve(silhouette: &Silhouette, p: &[Place], q: &[Place], dearest: f64) -
     };
     let (a, b, out, into) = (p[0], q[0], heading(p), heading(q).map(|x| -x));
     let price = |x: &Place| {
-        if silhouette.distance(*x) > 0.0 {
+        if silhouette.holds(*x) {
             return 0.0;
         }
         match silhouette.shown(*x) {

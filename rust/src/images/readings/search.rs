@@ -9,7 +9,9 @@ use super::network::{Network, SPURS, Skeleton};
 use super::pairings::{Pairings, UNCOVERED, Zone, rank_pairings};
 use super::planar::{Place, cleaned, distance, length, resampled};
 use super::refine::refined;
+use crate::images::bits::Bits;
 use crate::images::image::find_blobs;
+use crate::images::runs::Mask;
 use crate::images::silhouette::Silhouette;
 use crate::parallel;
 
@@ -139,7 +141,8 @@ fn settle(silhouette: &Silhouette, reading: &Reading) -> Reading {
 fn find_uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(Place, f64)>) {
     let radius_px = silhouette.radius_px;
     let ([left, top], _) = silhouette.frame();
-    let mut bare = silhouette.mask.clone();
+    let mut bare = Bits::pack(&silhouette.mask.values, silhouette.mask.width);
+    let [width, height] = bare.size();
     let reach = 1.2 * radius_px + 0.3;
     // from the first, up to the one after the last
     let range = |low: f64, high: f64, count: usize| {
@@ -148,11 +151,9 @@ fn find_uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(
     };
     for x in chains.iter().flatten() {
         let (u, v) = (x[0] - left, x[1] - top);
-        for row in range(v - reach, v + reach, bare.height) {
+        for row in range(v - reach, v + reach, height) {
             let half = (reach * reach - (row as f64 - v).powi(2)).max(0.0).sqrt();
-            let start = row * bare.width;
-            let columns = range(u - half, u + half, bare.width);
-            bare.values[start + columns.start..start + columns.end].fill(false);
+            bare.fill(row, range(u - half, u + half, width), false);
         }
     }
     let found = find_blobs(&bare, true, true);
