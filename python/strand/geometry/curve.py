@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import strand._core as _core
+from strand.geometry.lengths import multiply_rows
 from strand.support.checks import (
     Array,
     check_finite_array,
@@ -132,9 +133,12 @@ class Curve:
             The tangent's derivative by arc length, 1/m.
         """
         position, slope, bend = _core.evaluate_spline(self.control, self.parameter_at(s))
-        square = (slope * slope).sum(axis=1, keepdims=True)
-        along = (slope * bend).sum(axis=1, keepdims=True)
+        square, along = (multiply_rows(slope, other)[:, None] for other in (slope, bend))
         return position, slope / np.sqrt(square), (bend - slope * along / square) / square
+
+    def place_at(self, s: ArrayLike) -> Array:
+        """Return (M, 3) positions alone at arc lengths `s`, metres, as `at` does."""
+        return _core.evaluate_spline(self.control, self.parameter_at(s))[0]
 
     def closest(self, points: Array, s: Array) -> Array:
         """Return (N,) arc lengths of the closest places to points, by Newton's method from near ones."""
@@ -144,8 +148,8 @@ class Curve:
         for _ in range(_NEWTON_STEPS):
             position, tangent, bend = self.at(s)
             offset = points - position
-            slope = np.maximum(1.0 - (offset * bend).sum(axis=1), 0.1)
-            s = np.clip(s + (offset * tangent).sum(axis=1) / slope, 0.0, self.length)
+            slope = np.maximum(1.0 - multiply_rows(offset, bend), 0.1)
+            s = np.clip(s + multiply_rows(offset, tangent) / slope, 0.0, self.length)
         return s
 
     def spaced(self, spacing: float) -> Array:

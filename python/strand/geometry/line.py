@@ -221,7 +221,7 @@ class Line:
         """
         at = self._clamp(s)
         if self.curve is not None:
-            return self.curve.at(at.ravel())[0].reshape(*at.shape, 3)
+            return self.curve.place_at(at.ravel()).reshape(*at.shape, 3)
         return np.stack([np.interp(at, self._path_arcs, self._path[:, k]) for k in range(3)], axis=-1)
 
     def tangent_at(self, s: ArrayLike) -> Array:

@@ -46,6 +46,6 @@ def find_nearest(queries: TubeQueries, curves: Sequence[Curve | None], points: A
         if curve is not None:
             mine = chain == i
             s[mine] = curve.closest(given[mine], s[mine])
-            place[mine] = curve.at(s[mine])[0]
+            place[mine] = curve.place_at(s[mine])
             distance[mine] = np.linalg.norm(given[mine] - place[mine], axis=1)
     return Nearest(chain, s, place, distance)

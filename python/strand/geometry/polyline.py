@@ -48,6 +48,8 @@ def check_node_values(name: str, value: ArrayLike, shape: tuple[int, ...], count
 
 def find_runs(marked: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return (K, 2) the first node of each marked stretch, and the one after its last."""
+    if not marked.any():
+        return np.empty((0, 2), dtype=np.int64)
     padded = np.zeros(len(marked) + 2, dtype=bool)
     padded[1:-1] = marked
     edges = np.flatnonzero(padded[1:] != padded[:-1])

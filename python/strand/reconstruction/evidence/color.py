@@ -53,7 +53,7 @@ class ArcColors:
             mine = colored & (fit.curve == number)
             if mine.any():
                 curve = Curve.whole(control)
-                places.append(curve.at(curve.arc_length_at(fit.parameter[mine]))[0])
+                places.append(curve.place_at(curve.arc_length_at(fit.parameter[mine])))
                 shades.append(colors[mine])
                 about.append(colors[mine] - colors[mine].mean(axis=0))
         scatter = np.concatenate(about)

@@ -344,14 +344,14 @@ def _find_passing(part: Curve, place: Array, late: int, reach: float) -> float:
     """Return the arc length at which a curve passes a place, near one end: it may cross itself."""
     reach = min(reach, _MAX_SHARE * part.length)
     s = np.linspace(part.length - reach, part.length, _SAMPLES) if late else np.linspace(0.0, reach, _SAMPLES)
-    positions = part.at(s)[0]
+    positions = part.place_at(s)
     return float(s[np.linalg.norm(positions - place, axis=1).argmin()])
 
 
 def _sample_outward(part: Curve, place: Array, late: int, radius: float) -> Array:
     """Return places (M, 3) on a curve from a junction to the curve's middle, metres."""
     s = _find_passing(part, place, late, _MAX_MOVE * radius)
-    return part.at(np.linspace(s, 0.5 * part.length, _SAMPLES))[0]
+    return part.place_at(np.linspace(s, 0.5 * part.length, _SAMPLES))
 
 
 def _continue_inward(outward: Sequence[Array], radii: Sequence[float], own: int) -> Array:

@@ -9,10 +9,10 @@ import numpy as np
 
 from strand._core import ImageFit, RopeImages
 from strand.config import Config
-from strand.geometry.lengths import measure_lengths
+from strand.geometry.lengths import measure_lengths, multiply_rows
 from strand.geometry.plane import Plane
 from strand.geometry.polyline import find_runs, path_length
-from strand.reconstruction.courses import Course, are_same_courses, sample_courses
+from strand.reconstruction.courses import Course, are_same_courses
 from strand.reconstruction.evidence.prior import LENGTH_COST, MAX_LENGTH_COST
 from strand.reconstruction.evidence.visibility import Visibility, sort_rays
 from strand.reconstruction.images.image_nodes import correct_poses
@@ -208,21 +208,21 @@ def _has_lost(
 ) -> bool:
     """Tell whether a reading's ropes run as those of an explanation and cost much more than the best."""
     image = taken[reading.view]
-    course = _sample_pixels(reading.chains)
+    course = _list_courses(reading.chains)
     for one in found:
         # bends and labels that another view shows are no cost of this one
         likely = one.cost - one.reading_cost + _READING_COST * reading.cost
         if likely > found[0].cost + _LOST:
             (pose,) = correct_poses([image.pose], one.fit.corrections[reading.view][None])
-            seen = _sample_pixels([replace(image, pose=pose).project(nodes) for nodes in one.fit.nodes])
+            seen = _list_courses([replace(image, pose=pose).project(nodes) for nodes in one.fit.nodes])
             if are_same_courses(course, seen, images.radii[reading.view], _SAME):
                 return True
     return False
 
 
-def _sample_pixels(chains: Sequence[Array]) -> list[Course]:
+def _list_courses(chains: Sequence[Array]) -> list[Course]:
     """Return the courses of chains, (M, 2) columns and rows each, pixels."""
-    return sample_courses([(np.pad(nodes, ((0, 0), (0, 1))), False) for nodes in chains])
+    return [Course(np.column_stack([nodes, np.zeros(len(nodes))]), False) for nodes in chains]
 
 
 def _rank(
@@ -261,7 +261,7 @@ def _measure_sharp_bends(fits: Sequence[ImageFit], radius: float) -> Array:
     chains = [(number, nodes) for number, fit in enumerate(fits) for nodes in fit.nodes]
     steps = np.diff(np.concatenate([nodes for _, nodes in chains]), axis=0)
     lengths = measure_lengths(steps)
-    cosines = (steps[:-1] * steps[1:]).sum(axis=1) / (lengths[:-1] * lengths[1:])
+    cosines = multiply_rows(steps[:-1], steps[1:]) / (lengths[:-1] * lengths[1:])
     turns = np.arccos(np.clip(cosines, -1.0, 1.0))
     excess = np.maximum(turns - 0.5 * (lengths[:-1] + lengths[1:]) / radius, 0.0)
     found = np.zeros(len(fits))

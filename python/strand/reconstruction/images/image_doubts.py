@@ -11,7 +11,7 @@ import strand._core as _core
 from strand._core import ImageFit
 from strand.geometry.lengths import measure_lengths
 from strand.geometry.polyline import find_runs, path_length
-from strand.reconstruction.courses import Course, are_same_courses, sample_courses
+from strand.reconstruction.courses import Course, are_same_courses
 from strand.reconstruction.evidence.confidence import MIN_DOUBT, SCALE, USUAL_NOISE
 from strand.reconstruction.images.comparison import Explanation
 from strand.reconstruction.images.other_courses import cut_over_table
@@ -53,7 +53,7 @@ def drop_same_courses(explanations: Sequence[Explanation], radius: float) -> lis
     """Drop explanations, the best first, whose ropes of a radius, metres, run as those of a better one."""
     kept: list[tuple[Explanation, list[Course]]] = []
     for one in explanations:
-        mine = sample_courses([(nodes, False) for nodes in one.fit.nodes])
+        mine = [Course(nodes, False) for nodes in one.fit.nodes]
         if not any(are_same_courses(mine, theirs, radius) for _, theirs in kept):
             kept.append((one, mine))
     return [one for one, _ in kept]

@@ -73,7 +73,7 @@ def observe_ends(
         Standard deviation of the reported poses, metres.
     """
     axes = [
-        None if part is None else part.at(part.spaced(0.5 * fit.radius(number)))[0]
+        None if part is None else part.place_at(part.spaced(0.5 * fit.radius(number)))
         for number, part in enumerate(parts)
     ]
     cameras = [moved(center[None], motion)[0] for center, motion in zip(viewpoints, fit.motions, strict=True)]

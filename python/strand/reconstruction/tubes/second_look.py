@@ -59,7 +59,7 @@ def _trace_radius(fit: TubeFit, r: float) -> list[Array]:
     if len(points) < _MIN_POINTS:
         return []
     curves = [Curve.whole(control) for control in fit.curves]
-    known = np.concatenate([curve.at(curve.spaced(0.5 * r))[0] for curve in curves])
+    known = np.concatenate([curve.place_at(curve.spaced(0.5 * r)) for curve in curves])
     enough = _MIN_DENSITY * measure_density(fit, curves)
     # tracing uses only the direction to the camera
     arcs = _core.trace_tubes(points, points + 100.0 * r * to_camera, r, min_nodes=_MIN_NODES)
@@ -87,7 +87,7 @@ def find_arcs_to_reconsider(
         if part is None:
             continue
         r = fit.radius(number)
-        places = part.at(part.spaced(0.5 * r))[0]
+        places = part.place_at(part.spaced(0.5 * r))
         keep = np.ones(len(places), dtype=bool)
         for stretch in find_runs(visibility.free(places, r)):
             if is_phantom(stretch, len(places), 0.5):

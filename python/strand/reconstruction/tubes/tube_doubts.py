@@ -135,7 +135,7 @@ def _doubt_ends(parts: Sequence[Curve | None], fit: TubeFit, visibility: Visibil
             inside = end - s if late else s - end
             seen = np.count_nonzero((inside > _INSIDE[0] * r) & (inside < _INSIDE[1] * r))
             few = seen < _MIN_DENSITY * typical * (_INSIDE[1] - _INSIDE[0]) * r
-            place = kept.at([kept.length if late else 0.0])[0][0]
+            place = kept.place_at([kept.length if late else 0.0])[0]
             reasons = []
             if few or abs(end - other) > _MAX_MOVE * r:
                 reasons.append("few points show it")

@@ -44,7 +44,7 @@ def measure_unseen(part: Curve, late: bool, visibility: Visibility, radius: floa
 
     `late` chooses the end of greater arc length. The distance is infinite if it is over four radii.
     """
-    end, inner = part.at([part.length, part.length - radius] if late else [0.0, radius])[0]
+    end, inner = part.place_at([part.length, part.length - radius] if late else [0.0, radius])
     outward = (end - inner) / max(float(np.linalg.norm(end - inner)), np.finfo(float).tiny)
     through = visibility.seen_through(end + radius * _AHEAD[:, None] * outward, outward, radius)
     return float(_AHEAD[through.argmax()] * radius) if through.any() else float("inf")
