@@ -26,7 +26,7 @@ from strand.reconstruction.orientation import oriented
 from strand.reconstruction.stages import Found, Run
 from strand.reconstruction.upwards import find_up
 from strand.ropes.chain import Chain, remarked
-from strand.ropes.doubt import Doubt
+from strand.ropes.doubt import Doubt, rated
 from strand.ropes.model import Model
 from strand.ropes.posterior import load_posterior
 from strand.support.checks import Array
@@ -86,9 +86,7 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
         confidence, *others = (
             load_posterior("answers").compute(evidence, measure_bound(doubts), costs).tolist()
         )
-        alternatives = tuple(
-            replace(other, probability=said) for other, said in zip(alternatives, others, strict=True)
-        )
+        alternatives = tuple(rated(other, said) for other, said in zip(alternatives, others, strict=True))
         chains = _add_confidence(chains, shapes, assign_doubts(chains, doubts, against), how)
     return Model(
         tuple(chains),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 from strand.support.checks import (
@@ -241,3 +242,10 @@ class Alternative:
             freeze_array(check_finite_array(f"chains[{i}]", one, ("N", 3))) for i, one in enumerate(each)
         )
         object.__setattr__(self, "chains", nodes)
+
+
+def rated(alternative: Alternative, probability: float) -> Alternative:
+    """Return an alternative with its probability; its chains stay, and are not checked again."""
+    made = copy(alternative)
+    object.__setattr__(made, "probability", check_fraction_or_nan("probability", probability))
+    return made

@@ -55,7 +55,8 @@ class Posterior:
         and alternatives.
         """
         odds = self.intercept + sum(
-            self.weights.get(name, 0.0) * np.asarray(value) for name, value in evidence.items()
+            self.weights.get(name, 0.0) * (value if isinstance(value, float) else np.asarray(value))
+            for name, value in evidence.items()
         )
         with np.errstate(under="ignore", over="ignore"):
             fitted = np.exp(-np.asarray(bound)) / (1.0 + np.exp(-odds))
