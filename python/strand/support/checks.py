@@ -298,8 +298,9 @@ def check_float_array(name: str, value: ArrayLike, shape: tuple[int | str, ...])
     if array.dtype.kind != "f":
         hint = " (whole numbers do not say their unit: give metres)" if array.dtype.kind in "iu" else ""
         raise TypeError(f"{name}: expected floating point numbers, got dtype {array.dtype}{hint}")
-    if array.ndim != len(shape) or any(
-        isinstance(want, int) and want != got for want, got in zip(shape, array.shape, strict=True)
+    if array.shape != shape and (
+        array.ndim != len(shape)
+        or any(isinstance(want, int) and want != got for want, got in zip(shape, array.shape, strict=True))
     ):
         wanted = ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "")
         raise ValueError(f"{name}: expected shape ({wanted}), got {array.shape}")

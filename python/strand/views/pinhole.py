@@ -37,7 +37,10 @@ class Pinhole(NamedTuple):
         """Return the (N, 2) columns and rows at which points (N, 3) of the camera frame are seen."""
         (fx, fy), (cx, cy) = self
         x, y, z = points.T
-        return np.column_stack([fx * x / z + cx, fy * y / z + cy])
+        pixels = np.empty((len(points), 2))
+        pixels[:, 0] = fx * x / z + cx
+        pixels[:, 1] = fy * y / z + cy
+        return pixels
 
     def lift(self, rows: Pixels, columns: Pixels, z: Array) -> Array:
         """Return the points (..., 3) of the camera frame that pixels show at depths z, metres."""

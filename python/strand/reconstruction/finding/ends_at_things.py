@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from strand.geometry.lengths import measure_lengths
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
@@ -65,7 +66,7 @@ def _find_ends(chain: Chain) -> tuple[Array, Array]:
     back = min(_BACK * chain.radius, chain.length)
     ends, inner = chain.at([[0.0, chain.length], [back, chain.length - back]])
     out = ends - inner
-    return ends, out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12) * chain.radius
+    return ends, out / np.maximum(measure_lengths(out)[:, None], 1e-12) * chain.radius
 
 
 def _hides(image: DepthImage, ends: Array, steps: Array, radii: Array, segmented: bool) -> NDArray[np.bool_]:
@@ -73,8 +74,10 @@ def _hides(image: DepthImage, ends: Array, steps: Array, radii: Array, segmented
 
     They are sought along steps (E, 3) out of the ends, one radius long.
     """
-    aside = np.cross(steps, image.pose[:3, 2])
-    aside *= _ASIDE * radii[:, None] / np.maximum(np.linalg.norm(aside, axis=1, keepdims=True), 1e-12)
+    # at right angles to the step and the camera's axis
+    across = (steps @ image.pose[:3, 1::-1]) * (1.0, -1.0)
+    across *= _ASIDE * radii[:, None] / np.maximum(measure_lengths(across)[:, None], 1e-12)
+    aside = across @ image.pose[:3, :2].T
     middle = ends + np.multiply.outer(_STEPS, steps)
     places = np.stack([middle, middle + aside, middle - aside])
     rows, columns, inside = (
