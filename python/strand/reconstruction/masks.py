@@ -219,16 +219,16 @@ def _find_mask(view: View, bounds: Box | None) -> DepthImage | None:
     return image if image.mask is image.labels else replace(image, labels=image.mask)
 
 
-def _shows_rope(
+def _show_rope(
     image: DepthImage, bounds: Box | None, rows: _Indices, columns: _Indices
-) -> NDArray[np.bool_]:
-    """Tell which pixels are in the mask, have depth, and lie in the extraction range."""
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the depths of pixels, and which are in the mask, have depth, and lie in the extraction range."""
     z = image.depth[rows, columns]
     inside = (z > 0) & image.mask[rows, columns]
-    if bounds is None:
-        return inside
-    world = moved(image.camera.cast_rays(rows, columns) * z[:, None], image.pose)
-    return np.asarray(inside & bounds.holds(world))
+    if bounds is not None:
+        world = moved(image.camera.cast_rays(rows, columns) * z[:, None], image.pose)
+        inside &= bounds.holds(world)
+    return z, inside
 
 
 def _judge_mask(image: DepthImage, bounds: Box | None, radii: Array) -> tuple[str | None, float, bool]:
@@ -238,17 +238,18 @@ def _judge_mask(image: DepthImage, bounds: Box | None, radii: Array) -> tuple[st
     """
     flat = np.flatnonzero(image.mask)
     rows, columns = np.divmod(flat[:: max(len(flat) // _SAMPLE, 1)], image.mask.shape[1])
-    inside = _shows_rope(image, bounds, rows, columns)
+    z, inside = _show_rope(image, bounds, rows, columns)
     if not inside.any():
         return None, 0.0, False
     share = float(inside.mean()) * len(flat) / image.mask.size
-    heights = _measure_above_sides(image, bounds, rows[inside], columns[inside], _REACH * radii[-1])
+    rows, columns, z = rows[inside], columns[inside], z[inside]
+    heights = _measure_above_sides(image, bounds, rows, columns, z, _REACH * radii[-1])
     few = len(heights) < _MIN_SHARE_COMPARED * len(_SIDES) * inside.sum()
     if few and share > _MAX_SHARE_OF_IMAGE:
         return f"its mask holds {share:.0%} of the image, and the background with it", 1.0, False
     if len(heights) < _MIN_COMPARISONS:
         # next to the image's border there is nothing on the other side
-        heights = _measure_above_table(image, rows[inside], columns[inside], float(radii[0]))
+        heights = _measure_above_table(image, rows, columns, z, float(radii[0]))
     if len(heights) < _MIN_COMPARISONS:
         return None, 0.0, False
     height = _core.find_median(heights) / radii[0]
@@ -270,31 +271,31 @@ def _judge_mask(image: DepthImage, bounds: Box | None, radii: Array) -> tuple[st
     return reason, min(max(sure, 0.0), 1.0), shows_background
 
 
-def _measure_above_table(image: DepthImage, rows: _Indices, columns: _Indices, radius: float) -> Array:
-    """(N,) Return the heights of pixels above the table, metres; none if there is no table."""
+def _measure_above_table(
+    image: DepthImage, rows: _Indices, columns: _Indices, z: Array, radius: float
+) -> Array:
+    """(N,) Return the heights of pixels at depths z above the table, metres; none if there is no table."""
     table = find_table_beside_ropes(image, radius)
     if table is None:
         return np.empty(0)
-    return table.measure_heights(image.lift(rows, columns, image.depth[rows, columns]))
+    return table.measure_heights(image.lift(rows, columns, z))
 
 
 def _measure_above_sides(
-    image: DepthImage, bounds: Box | None, rows: _Indices, columns: _Indices, reach: float
+    image: DepthImage, bounds: Box | None, rows: _Indices, columns: _Indices, own: Array, reach: float
 ) -> Array:
     """(M,) Return how far pixels of ropes lie before the mean of both sides, where neither is rope; metres.
 
-    The mean of both sides cancels the tilt of a table. `reach` says how far to the side they are, metres.
+    The mean of both sides cancels the tilt of a table. The pixels' own depths are given, and how far to the
+    side they are compared, metres.
     """
-    depth = image.depth
-    height, width = depth.shape
-    own = depth[rows, columns]
+    height, width = image.depth.shape
     step = 1.0 + reach * max(image.camera.focal) / _core.find_median(own)
     du, dv = np.rint(step * np.array(_SIDES)).astype(np.intp).T[:, :, None]
     # both ways to each side: (2, S, N)
     u, v = np.stack([columns - du, columns + du]), np.stack([rows - dv, rows + dv])
     inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
     u, v = np.clip(u, 0, width - 1), np.clip(v, 0, height - 1)
-    beside = depth[v, u]
-    shown = _shows_rope(image, bounds, v.reshape(-1), u.reshape(-1)).reshape(v.shape)
+    beside, shown = (each.reshape(v.shape) for each in _show_rope(image, bounds, v.ravel(), u.ravel()))
     seen = (inside & (beside > 0) & ~shown).all(axis=0)
     return np.asarray((0.5 * beside.sum(axis=0) - own)[seen])
