@@ -52,21 +52,23 @@ def find_hand_eye_error(observed: Observed, found: Found, prior: Poses) -> HandE
         return None
     reported = [view.pose for view in observed.views]
     center = np.concatenate([chain.points for chain in found.chains]).mean(axis=0)
-    still = _move_center(reported[held], center)
     expected = np.repeat([prior.rotation_sd, prior.translation_sd], 3)
-    rows, targets, surprise = [], [], 0.0
+    moved, surprise = {}, 0.0
     for k in range(count):
         if k == held:
             continue
         correction = found.poses[k] @ np.linalg.inv(reported[k])
         shift = correction[:3, :3] @ center + correction[:3, 3] - center
-        moved = np.concatenate([to_rotation_vector(correction[:3, :3]), shift])
-        deviation = np.hypot(found.pose_sd[k], np.repeat(_FLOOR_SD, 3))
-        rows.append((_move_center(reported[k], center) - still) / deviation[:, None])
-        targets.append(moved / deviation)
-        surprise += float(((moved / expected) ** 2).sum())
+        moved[k] = np.concatenate([to_rotation_vector(correction[:3, :3]), shift])
+        surprise += float(((moved[k] / expected) ** 2).sum())
     if to_normal_deviate(surprise, _POSE_FREEDOM * (count - 1)) <= _MIN_DEVIATE:
         return None
+    still = _move_center(reported[held], center)
+    rows, targets = [], []
+    for k, correction in moved.items():
+        deviation = np.hypot(found.pose_sd[k], np.repeat(_FLOOR_SD, 3))
+        rows.append((_move_center(reported[k], center) - still) / deviation[:, None])
+        targets.append(correction / deviation)
     matrix, target = np.vstack(rows), np.concatenate(targets)
     # directions that the rotations between views leave open stay small
     likely = np.diag(1.0 / np.repeat(_ERROR_SD, 3))
