@@ -10,7 +10,6 @@ import rustworkx as rx
 from numpy.typing import ArrayLike, NDArray
 
 from strand._core import bridge, end_direction, path_length
-from strand.geometry.lengths import measure_lengths
 from strand.support.checks import Array, to_array
 
 __all__ = [
@@ -89,4 +88,4 @@ def bound_polylines(polylines: Sequence[Array]) -> tuple[Array, Array]:
 def measure_gaps(boxes: tuple[Array, Array], place: Array) -> Array:
     """(K,) Return the distances of a place from boxes, given by (K, 3) corners; 0 inside."""
     low, high = boxes
-    return measure_lengths(np.maximum(np.maximum(low - place, place - high), 0.0))
+    return np.asarray(np.linalg.norm(np.maximum(np.maximum(low - place, place - high), 0.0), axis=1))

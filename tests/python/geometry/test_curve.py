@@ -14,6 +14,7 @@ def test_a_curve_knows_its_arc_length_and_curvature():
     curve = Curve.whole(control).trimmed(0.02, 0.12)
     assert curve.length == pytest.approx(0.1, rel=1e-6)
     position, tangent, bend = curve.at(curve.spaced(0.005))
+    np.testing.assert_array_equal(curve.place_at(curve.spaced(0.005)), position)
     radius = np.linalg.norm(position, axis=1)
     np.testing.assert_allclose(np.linalg.norm(bend, axis=1), 1 / radius, rtol=3e-3)
     np.testing.assert_allclose((tangent * bend).sum(axis=1), 0.0, atol=1e-9)

@@ -288,6 +288,7 @@ def _list_curve() -> dict[str, Call]:
         "Curve": Call(Curve, {"control": LINE[::10].copy(), "start": 0.0, "stop": 3.0}),
         "Curve.whole": Call(Curve.whole, {"control": LINE[::10].copy()}),
         "Curve.at": Call(curve.at, {"s": S}, {"s": 0.05}),
+        "Curve.place_at": Call(curve.place_at, {"s": S}, {"s": 0.05}),
         "Curve.parameter_at": Call(curve.parameter_at, {"s": S}),
         "Curve.arc_length_at": Call(curve.arc_length_at, {"parameter": np.array([0.5, 1.5])}),
         "Curve.closest": Call(curve.closest, {"points": PLACES, "s": np.full(len(PLACES), 0.05)}),
