@@ -108,10 +108,9 @@ def _find_things(
         return things, others
     numbers = _core.number_blobs(wide)
     # few pixels of low blobs are high
-    high = top.above > _MAX_PILE * radius
-    tall = np.bincount(numbers[high], minlength=numbers.max() + 1) >= 0.5 * (1.0 - _TOP) * np.bincount(
-        numbers.ravel()
-    )
+    own, high = numbers[wide], top.above[wide] > _MAX_PILE * radius
+    counts = np.bincount(own)
+    tall = np.bincount(own[high], minlength=len(counts)) >= 0.5 * (1.0 - _TOP) * counts
     for rows, columns in _split_blobs(wide & tall[numbers], numbers):
         highest = float(np.quantile(top.above[rows, columns], _TOP))
         if highest > _MAX_PILE * radius:
