@@ -291,11 +291,13 @@ def _measure_above_sides(
     """
     height, width = image.depth.shape
     step = 1.0 + reach * max(image.camera.focal) / _core.find_median(own)
-    du, dv = np.rint(step * np.array(_SIDES)).astype(np.intp).T[:, :, None]
+    aside = np.rint(step * np.array(_SIDES)).astype(np.intp)
     # both ways to each side: (2, S, N)
-    u, v = np.stack([columns - du, columns + du]), np.stack([rows - dv, rows + dv])
+    ways = np.stack([-aside, aside])
+    u, v = columns + ways[..., :1], rows + ways[..., 1:]
     inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
-    u, v = np.clip(u, 0, width - 1), np.clip(v, 0, height - 1)
-    beside, shown = (each.reshape(v.shape) for each in _show_rope(image, bounds, v.ravel(), u.ravel()))
-    seen = (inside & (beside > 0) & ~shown).all(axis=0)
+    u, v = np.where(inside, u, 0), np.where(inside, v, 0)
+    z, shown = _show_rope(image, bounds, v.ravel(), u.ravel())
+    beside = z.reshape(v.shape)
+    seen = (inside & (beside > 0) & ~shown.reshape(v.shape)).all(axis=0)
     return np.asarray((0.5 * beside.sum(axis=0) - own)[seen])

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from strand.geometry.lengths import measure_lengths
 from strand.support.checks import Array
 from strand.views.view import View
 
@@ -106,7 +107,7 @@ class Cameras:
 
 def _are_in_front(points: Array) -> NDArray[np.bool_]:
     """Tell for each point whether it is in front of a camera that looks along z."""
-    return np.asarray(points[:, 2] > _MIN_COSINE * np.sqrt((points * points).sum(axis=1)))
+    return np.asarray(points[:, 2] > _MIN_COSINE * measure_lengths(points))
 
 
 def _make_grid(points: Array, focal: tuple[float, float] | None, like: float | None) -> Grid | None:

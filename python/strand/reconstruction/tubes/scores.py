@@ -6,6 +6,7 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import TubeFit
+from strand.geometry.lengths import measure_lengths
 from strand.geometry.polyline import find_runs, path_length
 from strand.reconstruction.courses import Chains
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
@@ -46,7 +47,7 @@ def price_explanation(fit: TubeFit, visibility: Visibility | None) -> float:
     for k, part in enumerate(parts):
         s = part.spaced(_SPACING * r)
         position, _, curvature = part.at(s)
-        bend = np.minimum(np.linalg.norm(curvature, axis=1) * r, _MAX_BEND)
+        bend = np.minimum(measure_lengths(curvature) * r, _MAX_BEND)
         cost += _BENDING * _SPACING * float((bend**2 + _KINK * np.maximum(bend - _SHARP, 0.0)).sum())
         if visibility is not None:
             free = visibility.free(position, r)
