@@ -9,11 +9,15 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.config import Filter
+from strand.support.checks import Array
 from strand.views.view import View
 
 _MAX_REACH = 4.0  # radii: searching radii are not widened beyond this
 _MIN_STEP = 1.02  # factor by which a searching radius is widened
 _MAX_STEP = 1.5  # factor by which a searching radius is widened
+_MANY = 100_000  # points: in views with more, neighbours are counted among some
+_ENOUGH = 200  # neighbours that are counted then
+_BESIDE = 0.25  # searching radii: points this near to some with enough neighbours have enough themselves
 
 
 def drop_outliers(views: Sequence[View], radius: float, config: Filter, widen: bool) -> list[View]:
@@ -29,23 +33,43 @@ def drop_outliers(views: Sequence[View], radius: float, config: Filter, widen: b
         Whether to widen the searching radius in views that are coarse for the rope.
     """
     reach = config.radius * radius
-    counts = _core.count_neighbors_each([view.points for view in views], reach)
+    samples = [_sample_points(view.points, reach) for view in views]
+    counts = _core.count_neighbors_each(samples, reach)
     kept = [
-        _have_neighbors(view, own, reach, radius, config, widen) if len(own) else None
-        for view, own in zip(views, counts, strict=True)
+        _have_neighbors(sample, own, reach, radius, config, widen) if len(own) else None
+        for sample, own in zip(samples, counts, strict=True)
     ]
-    return [view if some is None else view.select(some) for view, some in zip(views, kept, strict=True)]
+    return [
+        view if some is None else view.select(_spread(some, sample, view.points, reach))
+        for view, sample, some in zip(views, samples, kept, strict=True)
+    ]
+
+
+def _sample_points(points: Array, reach: float) -> Array:
+    """Return points; of many that lie much denser than counts need, every n-th."""
+    if len(points) <= _MANY:
+        return points
+    step = _core.count_typical_neighbors(points, reach) // _ENOUGH
+    return points if step < 2 else _core.copy_constant(points[::step])
+
+
+def _spread(kept: NDArray[np.bool_], sample: Array, points: Array, reach: float) -> NDArray[np.bool_]:
+    """Tell which points to keep, given which of a sample."""
+    if len(sample) == len(points):
+        return kept
+    near = (_BESIDE * reach) ** 2
+    return np.asarray(_core.find_squared_distances(points, np.compress(kept, sample, axis=0)) <= near)
 
 
 def _have_neighbors(
-    view: View, counts: NDArray[np.int64], reach: float, radius: float, config: Filter, widen: bool
+    points: Array, counts: NDArray[np.int64], reach: float, radius: float, config: Filter, widen: bool
 ) -> NDArray[np.bool_]:
     """Tell which points have enough neighbours, given how many they have within a reach."""
     median = _find_median(counts)
     while widen and median < config.widen_below and reach < _MAX_REACH * radius:
         # on a surface counts grow with the square of the reach
         reach *= float(np.clip(np.sqrt(config.widen_below / max(median, 1.0)), _MIN_STEP, _MAX_STEP))
-        counts = _core.count_neighbors(view.points, reach)
+        counts = _core.count_neighbors(points, reach)
         median = _find_median(counts)
     return counts >= max(config.min_fraction * median, config.min_neighbors)
 

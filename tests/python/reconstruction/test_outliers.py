@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import strand
-from shared.ropes import CAMERA, sample_strip
+from shared.ropes import CAMERA, R, draw_line, sample_strip, sample_tube
 from strand.config import Filter
 from strand.reconstruction.outliers import drop_outliers
 
@@ -20,3 +20,17 @@ def test_a_coarse_view_keeps_its_edges():
     assert len(drop_outliers([view], 0.004, Filter(widen_below=1.0), widen=True)[0].points) < 0.7 * len(
         points
     )
+
+
+def test_dense_views_lose_outliers_and_keep_ropes():
+    line = draw_line([-0.1, 0, R], [0.1, 0, R])
+    rope = np.concatenate([sample_tube(line, CAMERA, 0.1 * R, seed) for seed in range(60)])
+    rng = np.random.default_rng(0)
+    stray = rng.uniform([-0.1, 0.02, 0.0], [0.1, 0.1, 0.1], (200, 3))
+    points = np.concatenate([stray, rope])
+    order = rng.permutation(len(points))
+    view = strand.View.from_world(points[order], CAMERA)
+    kept = drop_outliers([view], R, Filter(), widen=True)[0].world_points
+    assert len(rope) > 100_000
+    assert np.count_nonzero(kept[:, 1] > 0.015) == 0
+    assert len(kept) > 0.99 * len(rope)

@@ -32,6 +32,7 @@ from strand.reconstruction.tubes.whole_ropes import cut_to_ropes, fit_ropes
 SECOND_LOOK = "a second look at unexplained points"
 """Name of the work that a deadline may skip."""
 
+_DENSE = 100  # points for each that tracing takes: more are left out
 _MAX_REVISIONS = 1  # decisions that are reconsidered after the fit of the ropes
 
 
@@ -65,17 +66,23 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
 
 def _find_ropes(observed: Observed, config: Config, run: Run) -> Found:
     radii = observed.radii
-    clouds = Clouds.from_views(observed.views, observed.bounds, observed.held)
+    thinnest = float(radii.values.min())
+    clouds, step = _take_clouds(observed, thinnest)
+    surplus = step // _DENSE
+    if surplus > 1:
+        # noise is correlated between neighbours, so pairs of them stay
+        observed = _thin_views(observed, surplus, together=2)
+        clouds, step = _take_clouds(observed, thinnest)
     cameras = Cameras(observed.views, observed.whole)
     given = None
     if config.sensor is not None:
-        given = expect_noise(config.sensor, cameras, float(radii.values.min()), config.tubes.spacing)
+        given = expect_noise(config.sensor, cameras, thinnest, config.tubes.spacing)
         config = replace(config, sensor=None, tubes=replace(config.tubes, noise=given.sd))
     with run.stage("register"):
-        few = clouds.thin_for_tracing(float(radii.values.min()))
+        few = clouds.thin(step)
         motions = register_roughly(few, radii.values, config)
     if run.skips("most of the points"):
-        observed = _thin_views(observed, clouds.find_step(float(radii.values.min())))
+        observed = _thin_views(observed, step)
         clouds, cameras = few, Cameras(observed.views, observed.whole)
     with run.stage("arcs"):
         fit, radii = fit_arcs(clouds, few, motions, radii, config, run)
@@ -111,6 +118,12 @@ def _find_ropes(observed: Observed, config: Config, run: Run) -> Found:
     starts = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
     registered = tuple(np.split(ropes.fit.points, starts))
     return replace(found, stages={"registered": registered, "arcs": tuple(arcs.nodes), "fit": ropes.fit})
+
+
+def _take_clouds(observed: Observed, thinnest: float) -> tuple[Clouds, int]:
+    """Return the points, and the step of those that tracing takes; `thinnest` is a radius, metres."""
+    clouds = Clouds.from_views(observed.views, observed.bounds, observed.held)
+    return clouds, clouds.find_step(thinnest)
 
 
 def _gather_evidence(observed: Observed, fit: TubeFit, config: Config) -> tuple[JoinEvidence, Visibility]:
@@ -157,7 +170,7 @@ def _build_answer(
     )
 
 
-def _thin_views(observed: Observed, step: int) -> Observed:
-    """Return the same with every `step`-th point of each view, as `Clouds.thin` keeps them."""
-    views = tuple(view.select(np.arange(len(view.points)) % step == 0) for view in observed.views)
+def _thin_views(observed: Observed, step: int, together: int = 1) -> Observed:
+    """Return the same with every `step`-th group of points; single ones are those of `Clouds.thin`."""
+    views = tuple(view.select(np.arange(len(view.points)) // together % step == 0) for view in observed.views)
     return replace(observed, views=views)

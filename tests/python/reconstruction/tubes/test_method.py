@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 import strand
-from shared.ropes import R, draw_line, find_warnings, hide_behind_plate, measure_max_distance
+from shared.ropes import (
+    CAMERA,
+    R,
+    draw_line,
+    find_warnings,
+    hide_behind_plate,
+    measure_max_distance,
+    sample_tube,
+)
 from strand.config import Config, Linking
 
 
@@ -105,3 +113,13 @@ def test_a_rope_with_visible_ends_is_no_ring():
     assert warning.chains == (0,)
     assert warning.amount == pytest.approx(np.log(2.0))
     assert model.confidence < 0.85 < sure.confidence
+
+
+def test_very_dense_views_are_fitted_to_some_of_their_points():
+    line = draw_line([-0.03, 0, R], [0.03, 0, R])
+    points = np.concatenate([sample_tube(line, CAMERA, 0.1 * R, seed) for seed in range(400)])
+    model = strand.reconstruct([strand.View.from_world(points, CAMERA)], R, keep_stages=True)
+    (chain,) = model.chains
+    assert measure_max_distance(chain, line) < 0.05
+    taken = len(model.stages["registered"][0])
+    assert 20_000 < taken < 0.6 * len(points)
