@@ -10,7 +10,8 @@ const MAX_CELLS: f64 = 4096.0; // cells along a side at most; matters for ropes 
 /// Places sorted into square cells.
 pub struct Lookup {
     low: Place,
-    cell: f64,
+    /// Cells for each pixel.
+    inverse: f64,
     width: usize,
     height: usize,
     starts: Vec<u32>,
@@ -31,12 +32,12 @@ impl Lookup {
                 high[c] = high[c].max(x[c]);
             }
         }
-        let cell = cell.max((high[0] - low[0]).max(high[1] - low[1]) / MAX_CELLS);
+        let inverse = 1.0 / cell.max((high[0] - low[0]).max(high[1] - low[1]) / MAX_CELLS);
         // without places nothing is found
-        let width = ((high[0] - low[0]).max(0.0) / cell) as usize + 1;
-        let height = ((high[1] - low[1]).max(0.0) / cell) as usize + 1;
+        let width = ((high[0] - low[0]).max(0.0) * inverse) as usize + 1;
+        let height = ((high[1] - low[1]).max(0.0) * inverse) as usize + 1;
         let cell_of =
-            |x: &Place| ((x[1] - low[1]) / cell) as usize * width + ((x[0] - low[0]) / cell) as usize;
+            |x: &Place| ((x[1] - low[1]) * inverse) as usize * width + ((x[0] - low[0]) * inverse) as usize;
         let mut starts = vec![0u32; width * height + 1];
         for x in nodes {
             starts[cell_of(x) + 1] += 1;
@@ -56,15 +57,15 @@ impl Lookup {
             }
             next[k] += 1;
         }
-        Self { low, cell, width, height, starts, numbers, places }
+        Self { low, inverse, width, height, starts, numbers, places }
     }
 
     /// Returns the first and the one after the last row of cells within reach of a place; or column.
     #[inline(always)]
     fn range(&self, c: usize, at: f64, reach: f64) -> Range<usize> {
         // a cast to an integer cuts off, and saturates
-        let first = ((at - reach - self.low[c]) / self.cell) as usize;
-        let last = (at + reach - self.low[c]) / self.cell;
+        let first = ((at - reach - self.low[c]) * self.inverse) as usize;
+        let last = (at + reach - self.low[c]) * self.inverse;
         first..if last < 0.0 { 0 } else { (last as usize + 1).min([self.width, self.height][c]) }
     }
 
