@@ -12,14 +12,9 @@ const FINE: f64 = 5.0; // pixels of a region in an image radius, about
 /// Reach of what a strand covers, image radii and pixels.
 const COVER: [f64; 2] = [1.2, 0.3];
 
-/// The mask that the links of a zone should cover, a bit for each pixel of a grid.
+/// The mask that the links of a zone should cover, a bit for each pixel of a raster.
 pub struct Region {
-    origin: Place,
-    step: f64,
-    height: usize,
-    width: usize,
-    /// Words of a row.
-    stride: usize,
+    raster: Raster,
     reach: f64,
     inside: Vec<u64>,
     /// Numbers of the words that have pixels inside.
@@ -42,24 +37,17 @@ impl Region {
                 high[c] = high[c].max(p[c] + AROUND * radius_px);
             }
         }
-        let step = (radius_px / FINE).floor().max(1.0);
-        let origin = low.map(f64::floor);
-        let [width, height] = [0, 1].map(|c| ((high[c] - origin[c]) / step) as usize + 2);
-        let stride = width.div_ceil(WORD_PIXELS);
+        let raster = Raster::new(low, high, (radius_px / FINE).floor().max(1.0));
         let reach = COVER[0] * radius_px + COVER[1];
-        let inside = vec![0; stride * height];
-        let mut region = Self { origin, step, height, width, stride, reach, inside, filled: Vec::new() };
-        let mut inside = vec![0; stride * height];
+        let mut inside = raster.clear();
         for &i in zone.iter().step_by(silhouette.strokes.scale) {
             let reach = skeleton.depth(i) + 0.5 * radius_px;
-            region.visit(&[skeleton.place(i); 2], reach, |word, bits| inside[word] |= bits);
+            raster.visit(&[skeleton.place(i); 2], reach, |word, bits| inside[word] |= bits);
         }
         for (word, bits) in inside.iter_mut().enumerate() {
             let mut left = *bits;
             while left != 0 {
-                let column = word % stride * WORD_PIXELS + left.trailing_zeros() as usize;
-                let place = [origin[0] + step * column as f64, origin[1] + step * (word / stride) as f64];
-                if !silhouette.holds(place) {
+                if !silhouette.holds(raster.place(word, left.trailing_zeros())) {
                     *bits &= !(left & left.wrapping_neg());
                 }
                 left &= left - 1;
@@ -68,19 +56,64 @@ impl Region {
         for (segment, _) in network.segments.iter().zip(&network.stubs).filter(|(_, stub)| !**stub) {
             let near = |p: &Place| (0..2).all(|c| p[c] > low[c] && p[c] < high[c]);
             if segment.points.iter().any(near) {
-                region.visit(&segment.points, reach, |word, bits| inside[word] &= !bits);
+                raster.visit(&segment.points, reach, |word, bits| inside[word] &= !bits);
             }
         }
-        region.filled = (0..inside.len()).filter(|&word| inside[word] != 0).collect();
-        region.inside = inside;
-        region
+        let filled = (0..inside.len()).filter(|&word| inside[word] != 0).collect();
+        Self { raster, reach, inside, filled }
+    }
+
+    /// Returns the pixels that a curve covers.
+    pub fn cover(&self, p: &[Place]) -> Cover {
+        let mut bits = self.raster.clear();
+        self.raster.visit(p, self.reach, |word, more| bits[word] |= more);
+        self.filled.iter().map(|&word| bits[word] & self.inside[word]).collect()
+    }
+
+    /// Returns the area that no cover covers, squared pixels.
+    pub fn find_uncovered(&self, covers: &[&Cover]) -> f64 {
+        let bare: u32 = (self.filled.iter().enumerate())
+            .map(|(k, &word)| {
+                covers.iter().fold(self.inside[word], |bare, cover| bare & !cover[k]).count_ones()
+            })
+            .sum();
+        f64::from(bare) * self.raster.step * self.raster.step
+    }
+}
+
+/// A grid of pixels over a part of the image, a bit each.
+struct Raster {
+    origin: Place,
+    step: f64,
+    width: usize,
+    height: usize,
+    /// Words of a row.
+    stride: usize,
+}
+
+impl Raster {
+    fn new(low: Place, high: Place, step: f64) -> Self {
+        let origin = low.map(f64::floor);
+        let [width, height] = [0, 1].map(|c| ((high[c] - origin[c]) / step) as usize + 2);
+        Self { origin, step, width, height, stride: width.div_ceil(WORD_PIXELS) }
+    }
+
+    /// Returns words without any pixel.
+    fn clear(&self) -> Vec<u64> {
+        vec![0; self.stride * self.height]
+    }
+
+    /// Returns the place of a word's pixel in the image.
+    fn place(&self, word: usize, bit: u32) -> Place {
+        let (row, column) = (word / self.stride, word % self.stride * WORD_PIXELS + bit as usize);
+        [self.origin[0] + self.step * column as f64, self.origin[1] + self.step * row as f64]
     }
 
     /// Calls with each word that holds pixels within a distance of a segment of a polyline, and with their bits.
     fn visit(&self, p: &[Place], reach: f64, mut call: impl FnMut(usize, u64)) {
+        let reach = reach / self.step;
         for pair in p.windows(2) {
             let [a, b] = [pair[0], pair[1]].map(|p| [0, 1].map(|c| (p[c] - self.origin[c]) / self.step));
-            let reach = reach / self.step;
             for row in to_pixels(a[1].min(b[1]) - reach, a[1].max(b[1]) + reach, self.height) {
                 let (low, high) = cut_row(a, b, reach, row as f64);
                 let columns = to_pixels(low, high, self.width);
@@ -92,23 +125,6 @@ impl Region {
                 }
             }
         }
-    }
-
-    /// Returns the pixels that a curve covers.
-    pub fn cover(&self, p: &[Place]) -> Cover {
-        let mut bits = vec![0; self.inside.len()];
-        self.visit(p, self.reach, |word, more| bits[word] |= more);
-        self.filled.iter().map(|&word| bits[word] & self.inside[word]).collect()
-    }
-
-    /// Returns the area that no cover covers, squared pixels.
-    pub fn find_uncovered(&self, covers: &[&Cover]) -> f64 {
-        let bare: u32 = (self.filled.iter().enumerate())
-            .map(|(k, &word)| {
-                covers.iter().fold(self.inside[word], |bare, cover| bare & !cover[k]).count_ones()
-            })
-            .sum();
-        f64::from(bare) * self.step * self.step
     }
 }
 
