@@ -9,9 +9,10 @@ use crate::images::strokes::find_scale_of_widths;
 const MIN_LENGTH: f64 = 4.0; // shorter strands may be spurs of a ragged mask, image radii
 /// The radius of a strand that counts as single at most, image radii: near strands are wider than far ones.
 const SLACK: f64 = 1.25;
-const OUTSIDE: u32 = 0; // owner of pixels outside the mask
-const FREE: u32 = u32::MAX; // owner of pixels that have none yet
-const MERGED: u32 = 1; // owner of pixels that measure nothing: where strands merge, and at ends
+const OUTSIDE: u8 = 0; // owner of pixels outside the mask
+const FREE: u8 = 1; // owner of pixels that have none yet
+const MERGED: u8 = 2; // owner of pixels that measure nothing: where strands merge, and at ends
+const SINGLE: u8 = 3; // owner of pixels of single strands
 
 /// Measures the radius of ropes in a mask, pixels, and returns the middles of its single strands. `radius_px` is the
 /// radius roughly.
@@ -41,13 +42,13 @@ pub fn measure_strands(mask: &RopeMask, radius_px: f64) -> Option<(f64, Vec<Vec<
     }
     let mut measured = 0.0;
     let mut strands = Vec::new();
-    for (segment, owner) in network.segments.into_iter().zip(MERGED + 1..) {
+    for segment in network.segments {
         let long = length(&segment.points);
         if long < MIN_LENGTH * radius_px {
             segment.path.iter().for_each(|&i| owners[skeleton.pixel(i)] = MERGED);
             continue;
         }
-        segment.path.iter().for_each(|&i| owners[skeleton.pixel(i)] = owner);
+        segment.path.iter().for_each(|&i| owners[skeleton.pixel(i)] = SINGLE);
         // pixels beyond an end are nearest to its last place
         for i in [segment.path[0], segment.path[segment.path.len() - 1]] {
             owners[skeleton.pixel(i)] = MERGED;
@@ -59,7 +60,7 @@ pub fn measure_strands(mask: &RopeMask, radius_px: f64) -> Option<(f64, Vec<Vec<
     let mut open: Vec<usize> = strokes.skeleton.iter().copied().filter(|&k| owners[k] != FREE).collect();
     let mut area = 0usize;
     while !open.is_empty() {
-        area += open.iter().filter(|&&k| owners[k] > MERGED).count();
+        area += open.iter().filter(|&&k| owners[k] == SINGLE).count();
         let mut next = Vec::new();
         for &k in &open {
             for near in [k - width, k + 1, k + width, k - 1] {
