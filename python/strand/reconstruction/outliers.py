@@ -17,6 +17,7 @@ _MIN_STEP = 1.02  # factor by which a searching radius is widened
 _MAX_STEP = 1.5  # factor by which a searching radius is widened
 _MANY = 100_000  # points: in views with more, neighbours are counted among some
 _ENOUGH = 200  # neighbours that are counted then
+_SEED = 0  # of the points that are counted
 _BESIDE = 0.25  # searching radii: points this near to some with enough neighbours have enough themselves
 
 
@@ -46,11 +47,16 @@ def drop_outliers(views: Sequence[View], radius: float, config: Filter, widen: b
 
 
 def _sample_points(points: Array, reach: float) -> Array:
-    """Return points; of many that lie much denser than counts need, every n-th."""
+    """Return points; of many that lie much denser than counts need, one of every n."""
     if len(points) <= _MANY:
         return points
     step = _core.count_typical_neighbors(points, reach) // _ENOUGH
-    return points if step < 2 else _core.copy_constant(points[::step])
+    if step < 2:
+        return points
+    # chance decides which: of points in rows, every n-th ones may all lie on a few lines
+    starts = np.arange(0, len(points) - step + 1, step)
+    chosen = starts + np.random.default_rng(_SEED).integers(0, step, len(starts))
+    return _core.copy_constant(points[chosen])
 
 
 def _spread(kept: NDArray[np.bool_], sample: Array, points: Array, reach: float) -> NDArray[np.bool_]:

@@ -34,3 +34,10 @@ def test_dense_views_lose_outliers_and_keep_ropes():
     assert len(rope) > 100_000
     assert np.count_nonzero(kept[:, 1] > 0.015) == 0
     assert len(kept) > 0.99 * len(rope)
+
+
+def test_dense_views_in_rows_keep_ropes():
+    along, around = np.meshgrid(np.linspace(-0.2, 0.2, 16_000), np.linspace(0.0, np.pi, 32), indexing="ij")
+    points = np.stack([along, 0.005 * np.cos(around), 0.005 * np.sin(around)], axis=-1).reshape(-1, 3)
+    view = strand.View.from_world(points, (0.0, 0.0, 0.6))
+    assert len(drop_outliers([view], 0.005, Filter(), widen=True)[0].points) > 0.99 * len(points)
