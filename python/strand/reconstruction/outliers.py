@@ -16,7 +16,8 @@ _MAX_REACH = 4.0  # radii: searching radii are not widened beyond this
 _MIN_STEP = 1.02  # factor by which a searching radius is widened
 _MAX_STEP = 1.5  # factor by which a searching radius is widened
 _MANY = 100_000  # points: in views with more, neighbours are counted among some
-_ENOUGH = 200  # neighbours that are counted then
+_ENOUGH = 200  # neighbours that are counted then at least
+_LEAST = 50  # neighbours that a point then needs at least
 _SEED = 0  # of the points that are counted
 _BESIDE = 0.25  # searching radii: points this near to some with enough neighbours have enough themselves
 
@@ -34,7 +35,7 @@ def drop_outliers(views: Sequence[View], radius: float, config: Filter, widen: b
         Whether to widen the searching radius in views that are coarse for the rope.
     """
     reach = config.radius * radius
-    samples = [_sample_points(view.points, reach) for view in views]
+    samples = [_sample_points(view.points, reach, config) for view in views]
     counts = _core.count_neighbors_each(samples, reach)
     kept = [
         _have_neighbors(sample, own, reach, radius, config, widen) if len(own) else None
@@ -46,11 +47,13 @@ def drop_outliers(views: Sequence[View], radius: float, config: Filter, widen: b
     ]
 
 
-def _sample_points(points: Array, reach: float) -> Array:
+def _sample_points(points: Array, reach: float, config: Filter) -> Array:
     """Return points; of many that lie much denser than counts need, one of every n."""
-    if len(points) <= _MANY:
+    # a share of the median must decide, and be many points, as it does among all points
+    if len(points) <= _MANY or config.min_neighbors > _LEAST:
         return points
-    step = _core.count_typical_neighbors(points, reach) // _ENOUGH
+    enough = max(_ENOUGH, _LEAST / config.min_fraction, config.widen_below)
+    step = int(_core.count_typical_neighbors(points, reach) // enough)
     if step < 2:
         return points
     # chance decides which: of points in rows, every n-th ones may all lie on a few lines

@@ -41,3 +41,13 @@ def test_dense_views_in_rows_keep_ropes():
     points = np.stack([along, 0.005 * np.cos(around), 0.005 * np.sin(around)], axis=-1).reshape(-1, 3)
     view = strand.View.from_world(points, (0.0, 0.0, 0.6))
     assert len(drop_outliers([view], 0.005, Filter(), widen=True)[0].points) > 0.99 * len(points)
+
+
+def test_dense_views_are_filtered_by_the_numbers_of_the_config():
+    rng = np.random.default_rng(0)
+    s, around = rng.uniform([-0.2, 0.0], [0.2, np.pi], (420_000, 2)).T
+    thin = np.arange(len(s)) >= 400_000
+    points = np.column_stack([s, 0.05 * thin + 0.005 * np.cos(around), 0.005 * np.sin(around)])
+    views = [strand.View.from_world(rng.permutation(points), (0.0, 0.0, 0.6))]
+    for config, least in ((Filter(min_neighbors=300), 0.95 * 400_000), (Filter(min_fraction=0.02), 415_000)):
+        assert len(drop_outliers(views, 0.005, config, widen=True)[0].points) > least
