@@ -16,7 +16,7 @@ from strand.views.view import View
 Pair = tuple[int, int]
 """Two ends of arcs: end 2k is the first node of arc k, 2k + 1 its last."""
 
-_TRACED_POINTS = 20  # points per voxel, two radii wide, that tracing needs; fits take all points
+_TRACED_POINTS = 20  # points per voxel, two radii wide, that tracing needs; fits take more
 _DENSER = 3  # points that a fit of few points takes over those that tracing needs
 
 

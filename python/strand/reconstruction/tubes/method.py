@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -68,10 +69,12 @@ def _find_ropes(observed: Observed, config: Config, run: Run) -> Found:
     radii = observed.radii
     thinnest = float(radii.values.min())
     clouds, step = _take_clouds(observed, thinnest)
-    surplus = step // _DENSE
-    if surplus > 1:
+    if step >= 2 * _DENSE:
+        # sparse views beside dense ones need all their points
+        alone = [replace(clouds, points=[own]).find_step(thinnest) for own in clouds.points]
         # noise is correlated between neighbours, so pairs of them stay
-        observed = _thin_views(observed, surplus, together=2)
+        steps = [max(min(len(alone) * own, step) // _DENSE, 1) for own in alone]
+        observed = _thin_views(observed, steps, together=2)
         clouds, step = _take_clouds(observed, thinnest)
     cameras = Cameras(observed.views, observed.whole)
     given = None
@@ -82,7 +85,7 @@ def _find_ropes(observed: Observed, config: Config, run: Run) -> Found:
         few = clouds.thin(step)
         motions = register_roughly(few, radii.values, config)
     if run.skips("most of the points"):
-        observed = _thin_views(observed, step)
+        observed = _thin_views(observed, [step] * len(observed.views))
         clouds, cameras = few, Cameras(observed.views, observed.whole)
     with run.stage("arcs"):
         fit, radii = fit_arcs(clouds, few, motions, radii, config, run)
@@ -170,7 +173,10 @@ def _build_answer(
     )
 
 
-def _thin_views(observed: Observed, step: int, together: int = 1) -> Observed:
-    """Return the same with every `step`-th group of points; single ones are those of `Clouds.thin`."""
-    views = tuple(view.select(np.arange(len(view.points)) // together % step == 0) for view in observed.views)
+def _thin_views(observed: Observed, steps: Sequence[int], together: int = 1) -> Observed:
+    """Return the same with every n-th group of each view's points; single ones are those of `Clouds.thin`."""
+    views = tuple(
+        view.select(np.arange(len(view.points)) // together % step == 0)
+        for view, step in zip(observed.views, steps, strict=True)
+    )
     return replace(observed, views=views)

@@ -123,3 +123,13 @@ def test_very_dense_views_are_fitted_to_some_of_their_points():
     assert measure_max_distance(chain, line) < 0.05
     taken = len(model.stages["registered"][0])
     assert 20_000 < taken < 0.6 * len(points)
+
+
+def test_sparse_views_beside_very_dense_ones_keep_all_their_points():
+    line = draw_line([-0.03, 0, R], [0.03, 0, R])
+    dense = np.concatenate([sample_tube(line, CAMERA, 0.1 * R, seed) for seed in range(400)])
+    sparse = sample_tube(line, CAMERA, 0.1 * R, 400)
+    views = [strand.View.from_world(points, CAMERA) for points in (dense, sparse)]
+    registered = strand.reconstruct(views, R, keep_stages=True).stages["registered"]
+    assert len(registered[0]) < 0.6 * len(dense)
+    assert len(registered[1]) > 0.95 * len(sparse)
