@@ -63,7 +63,7 @@ def fit_chains(scene: SyntheticScene, model: strand.Model, chains: Chains) -> li
     box = strand.Box(*scene.bounds)
     clouds = Clouds(list(model.stages["filtered"]), viewpoints, len(viewpoints) // 2, box)
     closed = [ring for _, ring in kept]
-    seen = drop_outliers(cropped(scene.views, box), scene.radius, config.filter, widen=True)
+    seen = drop_outliers(cropped(scene.views, box), scene.radius, config.filter, published=False)
     cameras = Cameras(seen, scene.views)
     radii, run = Radii.from_caller(scene.radius), Run(None)
     fit, _, _ = fit_ropes(clouds, cameras, ropes, closed, model.stages["fit"], radii, None, config, run)

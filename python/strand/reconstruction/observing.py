@@ -129,7 +129,7 @@ def observe(extract: Extract, hints: Hints, run: Run) -> Scene:
         radii = _estimate_radii(extract, run)
     with run.stage("filter"):
         thinnest = float(radii.values[0])
-        filtered = drop_outliers(extract.inside, thinnest, hints.config.filter, widen=not published)
+        filtered = drop_outliers(extract.inside, thinnest, hints.config.filter, published)
         numbers = select_views(extract, filtered, thinnest, run, found is not None)
         surplus = list(warn_of_surplus_labels(extract.whole, hints.prior.ropes))
         misplaced = find_misplaced_masks(extract.whole, numbers, extract.bounds, radii.values)

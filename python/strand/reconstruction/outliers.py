@@ -22,7 +22,7 @@ _SEED = 0  # of the points that are counted
 _BESIDE = 0.25  # searching radii: points this near to some with enough neighbours have enough themselves
 
 
-def drop_outliers(views: Sequence[View], radius: float, config: Filter, widen: bool) -> list[View]:
+def drop_outliers(views: Sequence[View], radius: float, config: Filter, published: bool) -> list[View]:
     """Return views without the points that have too few neighbours in their own view.
 
     Parameters
@@ -31,14 +31,15 @@ def drop_outliers(views: Sequence[View], radius: float, config: Filter, widen: b
     radius : float
         The rope's radius, metres.
     config : Filter
-    widen : bool
-        Whether to widen the searching radius in views that are coarse for the rope.
+    published : bool
+        Whether to do as published. Else the searching radius is widened in views that are coarse for the
+        rope, and neighbours in very dense ones are counted among some of their points.
     """
     reach = config.radius * radius
-    samples = [_sample_points(view.points, reach, config) for view in views]
+    samples = [view.points if published else _sample_points(view.points, reach, config) for view in views]
     counts = _core.count_neighbors_each(samples, reach)
     kept = [
-        _have_neighbors(sample, own, reach, radius, config, widen) if len(own) else None
+        _have_neighbors(sample, own, reach, radius, config, not published) if len(own) else None
         for sample, own in zip(samples, counts, strict=True)
     ]
     return [
@@ -50,7 +51,7 @@ def drop_outliers(views: Sequence[View], radius: float, config: Filter, widen: b
 def _sample_points(points: Array, reach: float, config: Filter) -> Array:
     """Return points; of many that lie much denser than counts need, one of every n."""
     # a share of the median must decide, and be many points, as it does among all points
-    if len(points) <= _MANY or config.min_neighbors > _LEAST:
+    if len(points) <= _MANY or config.min_neighbors > _LEAST or not config.min_fraction:
         return points
     enough = max(_ENOUGH, _LEAST / config.min_fraction, config.widen_below)
     step = int(_core.count_typical_neighbors(points, reach) // enough)

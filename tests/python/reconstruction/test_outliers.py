@@ -14,10 +14,10 @@ def test_a_coarse_view_keeps_its_edges():
     points = sample_strip(0.004)[::40]
     stray = np.array([[0.0, 0.05, 0.0]])
     view = strand.View.from_world(np.vstack([points, stray]), CAMERA)
-    kept = drop_outliers([view], 0.004, Filter(), widen=True)[0].world_points
+    kept = drop_outliers([view], 0.004, Filter(), published=False)[0].world_points
     assert len(kept) > 0.9 * len(points)
     assert np.abs(kept[:, 1]).max() < 0.01
-    assert len(drop_outliers([view], 0.004, Filter(widen_below=1.0), widen=True)[0].points) < 0.7 * len(
+    assert len(drop_outliers([view], 0.004, Filter(widen_below=1.0), published=False)[0].points) < 0.7 * len(
         points
     )
 
@@ -30,7 +30,7 @@ def test_dense_views_lose_outliers_and_keep_ropes():
     points = np.concatenate([stray, rope])
     order = rng.permutation(len(points))
     view = strand.View.from_world(points[order], CAMERA)
-    kept = drop_outliers([view], R, Filter(), widen=True)[0].world_points
+    kept = drop_outliers([view], R, Filter(), published=False)[0].world_points
     assert len(rope) > 100_000
     assert np.count_nonzero(kept[:, 1] > 0.015) == 0
     assert len(kept) > 0.99 * len(rope)
@@ -40,7 +40,7 @@ def test_dense_views_in_rows_keep_ropes():
     along, around = np.meshgrid(np.linspace(-0.2, 0.2, 16_000), np.linspace(0.0, np.pi, 32), indexing="ij")
     points = np.stack([along, 0.005 * np.cos(around), 0.005 * np.sin(around)], axis=-1).reshape(-1, 3)
     view = strand.View.from_world(points, (0.0, 0.0, 0.6))
-    assert len(drop_outliers([view], 0.005, Filter(), widen=True)[0].points) > 0.99 * len(points)
+    assert len(drop_outliers([view], 0.005, Filter(), published=False)[0].points) > 0.99 * len(points)
 
 
 def test_dense_views_are_filtered_by_the_numbers_of_the_config():
@@ -50,4 +50,4 @@ def test_dense_views_are_filtered_by_the_numbers_of_the_config():
     points = np.column_stack([s, 0.05 * thin + 0.005 * np.cos(around), 0.005 * np.sin(around)])
     views = [strand.View.from_world(rng.permutation(points), (0.0, 0.0, 0.6))]
     for config, least in ((Filter(min_neighbors=300), 0.95 * 400_000), (Filter(min_fraction=0.02), 415_000)):
-        assert len(drop_outliers(views, 0.005, config, widen=True)[0].points) > least
+        assert len(drop_outliers(views, 0.005, config, published=False)[0].points) > least

@@ -57,8 +57,10 @@ def straighten_border_ends(
     It is the same fit if none does.
     """
     chains = list(fit.nodes)
+    if not views or not chains:
+        return fit
     ends = np.concatenate([nodes[[0, -1]] for nodes in chains])
-    if not views or (_measure_margins(views, ends) >= _BIASED * radius).all():
+    if (_measure_margins(views, ends) >= _BIASED * radius).all():
         return fit
     for number, nodes in enumerate(chains):
         for _ in range(2):

@@ -47,6 +47,7 @@ _MAX_COMPARED = 24  # views by which readings are compared; all fit the best one
 _MAX_FITTED = 10_000.0  # radii of rope in the readings that are fitted, for each view up to two
 _MAX_LONGER = 4.0  # times the longest reading's length: ropes found otherwise that are longer are noise
 _MAX_LENGTH = 5e4  # pixels: longer ropes, and those that are farther away, are in no image
+_TINY = float(np.finfo(float).tiny)  # least positive float: keeps ratios finite
 _STEPS = 4  # steps of fits that are compared: more hardly change which is best
 _LAST_STEPS = 8  # steps of the best one's last fit
 
@@ -258,10 +259,13 @@ def _rank(
 
 def _measure_sharp_bends(fits: Sequence[ImageFit], radius: float) -> Array:
     """(F,) Return the bend of each fit's ropes, radians, beyond that of a curve of one radius."""
-    chains = [(number, nodes) for number, fit in enumerate(fits) for nodes in fit.nodes]
+    chains = [(number, nodes) for number, fit in enumerate(fits) for nodes in fit.nodes if len(nodes) > 2]
+    if not chains:
+        return np.zeros(len(fits))
     steps = np.diff(np.concatenate([nodes for _, nodes in chains]), axis=0)
     lengths = measure_lengths(steps)
-    cosines = multiply_rows(steps[:-1], steps[1:]) / (lengths[:-1] * lengths[1:])
+    # a step from one chain to the next may be none
+    cosines = multiply_rows(steps[:-1], steps[1:]) / np.maximum(lengths[:-1] * lengths[1:], _TINY)
     turns = np.arccos(np.clip(cosines, -1.0, 1.0))
     excess = np.maximum(turns - 0.5 * (lengths[:-1] + lengths[1:]) / radius, 0.0)
     found = np.zeros(len(fits))

@@ -101,7 +101,7 @@ def test_the_contrast_counts_in_spreads_of_colour_within_segments():
     config = strand.Config()
     views = coloured(scene, (RED, BLUE))
     model = strand.reconstruct(views, R, config=config, keep_stages=True)
-    views = drop_outliers(views, R, config.filter, widen=True)
+    views = drop_outliers(views, R, config.filter, published=False)
     fit, arcs = model.stages["fit"], [chain.points for chain in model.chains]
     colors = ArcColors.from_fit(fit, collect_colors(views))
     contrast = colors.price_joins(arcs, R)

@@ -115,15 +115,28 @@ def test_wider_errors_of_edges_widen_covariances_across_the_rays(made):
 
 
 def test_a_known_bias_is_subtracted():
-    hung = scene("s", camera=Camera("zed", size=SIZE), mask=Segmentation(), views=1, layout=Layout(wall=0.3))
-    sd = 0.3 * hung.radius
-    models = [
-        reconstructed(hung, strand.Sensor(sd=sd, correlation=1.0, bias=bias)) for bias in (0.0, hung.radius)
-    ]
-    camera = hung.poses[0][:3, 3]
-    away = [np.linalg.norm(model.chains[0].points - camera, axis=1).mean() for model in models]
-    assert away[0] - away[1] == pytest.approx(hung.radius, rel=0.2)
-    assert models[1].sensor.bias - models[0].sensor.bias == pytest.approx(hung.radius, rel=0.2)
+    nearer, biases = [], []
+    for seed in range(4):
+        hung = scene(
+            "s",
+            seed=seed,
+            camera=Camera("zed", size=SIZE),
+            mask=Segmentation(),
+            views=1,
+            layout=Layout(wall=0.3),
+        )
+        sd = 0.3 * hung.radius
+        models = [
+            reconstructed(hung, strand.Sensor(sd=sd, correlation=1.0, bias=bias))
+            for bias in (0.0, hung.radius)
+        ]
+        camera = hung.poses[0][:3, 3]
+        away = [np.linalg.norm(model.chains[0].points - camera, axis=1).mean() for model in models]
+        nearer.append((away[0] - away[1]) / hung.radius)
+        biases.append((models[1].sensor.bias - models[0].sensor.bias) / hung.radius)
+    # one scene's ropes follow its noise by up to a third of the bias
+    assert np.mean(nearer) == pytest.approx(1.0, rel=0.15)
+    assert np.mean(biases) == pytest.approx(1.0, rel=0.15)
 
 
 def test_errors_of_nodes_are_as_large_as_covariances_say():

@@ -97,8 +97,8 @@ def test_the_published_method_never_widens_its_filter(coarse):
         assert reconstruct_bits(coarse, other) == (chains, filtered)
     cropped = [view.crop(coarse.bounds) for view in coarse.views]
     kept = [
-        [view.world_points.tobytes() for view in drop_outliers(cropped, coarse.radius, Filter(), widen)]
-        for widen in (False, True)
+        [view.world_points.tobytes() for view in drop_outliers(cropped, coarse.radius, Filter(), published)]
+        for published in (True, False)
     ]
     assert filtered == kept[0]
     # the default method widens its filter in these views

@@ -32,7 +32,7 @@ def test_opposite_views_do_not_pull_into_each_other():
 
 def test_registration_finds_the_poses_and_their_deviations(paper):
     cropped = [view.crop(paper.bounds) for view in paper.views]
-    views = drop_outliers(cropped, R, strand.Config().filter, widen=True)
+    views = drop_outliers(cropped, R, strand.Config().filter, published=False)
     poses, sd = strand.register_views(views, R)
     nodes = paper.truth[0]
     for number, (given, found, true) in enumerate(zip(paper.poses, poses, paper.poses_true, strict=True)):
