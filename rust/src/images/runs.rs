@@ -13,3 +13,31 @@ pub trait Mask {
     /// Fills columns of a row.
     fn fill(&mut self, row: usize, columns: Range<usize>, value: bool);
 }
+
+/// Returns the pixels of `count` that lie between two numbers, both included.
+///
+/// Casts cut off and saturate. They take less time than `floor` and `ceil`, which are calls on processors of every age.
+#[inline(always)]
+pub fn list_between(low: f64, high: f64, count: usize) -> Range<usize> {
+    let first = low as usize;
+    let first = first.saturating_add(usize::from((first as f64) < low));
+    let last = if high >= 0.0 { (high as usize).saturating_add(1).min(count) } else { 0 };
+    first.min(last)..last
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_between_two_numbers_are_those_by_floor_and_ceil() {
+        let numbers =
+            [-1e300, -2.5, -1.0, -0.5, -0.0, 0.0, 0.3, 1.0, 1.5, 6.999_999_999_999_999, 7.0, 8.2, 1e300];
+        for (low, high) in numbers.into_iter().flat_map(|low| numbers.map(|high| (low, high))) {
+            let expected: Vec<usize> = (0..8).filter(|&k| k as f64 >= low && k as f64 <= high).collect();
+            assert_eq!(list_between(low, high, 8).collect::<Vec<_>>(), expected, "{low} to {high}");
+        }
+        assert!(list_between(f64::INFINITY, f64::NEG_INFINITY, 8).is_empty());
+        assert!(list_between(0.0, f64::NAN, 8).is_empty());
+    }
+}

@@ -199,7 +199,7 @@ impl Surroundings {
 
     /// Returns what the camera shows at a place.
     pub fn at(&self, uv: [f64; 2]) -> Shown {
-        let [x, y] = [0, 1].map(|c| ((uv[c] - self.low[c]) / self.cell).floor());
+        let [x, y] = [0, 1].map(|c| (uv[c] - self.low[c]) / self.cell);
         if x < 0.0 || y < 0.0 || x >= self.shown.width as f64 || y >= self.shown.height as f64 {
             return Shown::Unknown;
         }

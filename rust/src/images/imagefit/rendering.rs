@@ -3,6 +3,7 @@
 use super::camera::{Plane, RopeView};
 use crate::geometry::{Point, cross, dot, normalized, squared_distance, sub};
 use crate::images::image::Image;
+use crate::images::runs::list_between;
 
 const LIMIT: f64 = 9.0; // limit of a squared residual over the noise
 const SPACING: f64 = 0.25; // distance between the balls that a tube is drawn with, radii
@@ -98,7 +99,7 @@ impl DepthScene<'_> {
                 let near = ball[2] - radius;
                 let [u, v] = view.projected(ball);
                 let (du, dv) = (fu * radius / near, fv * radius / near);
-                let (columns, rows) = (clip_span(u - du, u + du, w), clip_span(v - dv, v + dv, h));
+                let (columns, rows) = (list_between(u - du, u + du, w), list_between(v - dv, v + dv, h));
                 if columns.is_empty() || rows.is_empty() {
                     continue;
                 }
@@ -143,13 +144,6 @@ impl Part {
         let both = |a: [usize; 2], b: [usize; 2]| [a[0].min(b[0]), a[1].max(b[1])];
         Self { columns: both(self.columns, other.columns), rows: both(self.rows, other.rows) }
     }
-}
-
-/// Returns the pixels between two coordinates that are in the image.
-fn clip_span(from: f64, to: f64, count: usize) -> std::ops::Range<usize> {
-    let first = from.ceil().max(0.0) as usize;
-    let last = (to.floor() + 1.0).clamp(0.0, count as f64) as usize;
-    first.min(last)..last
 }
 
 impl RopeView<'_> {

@@ -1,10 +1,9 @@
 //! The mask around a zone that its links should cover.
 
-use std::ops::Range;
-
 use super::network::{Network, Skeleton};
 use super::planar::Place;
 use crate::images::bits::{WORD_PIXELS, select};
+use crate::images::runs::list_between;
 use crate::images::silhouette::Silhouette;
 
 const AROUND: f64 = 5.0; // distance of the border from the zone's pixels, image radii
@@ -114,9 +113,9 @@ impl Raster {
         let reach = reach / self.step;
         for pair in p.windows(2) {
             let [a, b] = [pair[0], pair[1]].map(|p| [0, 1].map(|c| (p[c] - self.origin[c]) / self.step));
-            for row in to_pixels(a[1].min(b[1]) - reach, a[1].max(b[1]) + reach, self.height) {
+            for row in list_between(a[1].min(b[1]) - reach, a[1].max(b[1]) + reach, self.height) {
                 let (low, high) = cut_row(a, b, reach, row as f64);
-                let columns = to_pixels(low, high, self.width);
+                let columns = list_between(low, high, self.width);
                 if columns.is_empty() {
                     continue;
                 }
@@ -126,12 +125,6 @@ impl Raster {
             }
         }
     }
-}
-
-/// Returns the whole numbers from `low` to `high` that are below `count`.
-fn to_pixels(low: f64, high: f64, count: usize) -> Range<usize> {
-    let last = high.floor();
-    low.ceil().max(0.0) as usize..if last < 0.0 { 0 } else { (last as usize + 1).min(count) }
 }
 
 /// Returns the first and the last place of a row within a distance of a segment; the first is larger if there is none.

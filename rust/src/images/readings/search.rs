@@ -11,7 +11,7 @@ use super::planar::{Place, cleaned, distance, length, resampled};
 use super::refine::refined;
 use crate::images::bits::Bits;
 use crate::images::image::find_blobs;
-use crate::images::runs::Mask;
+use crate::images::runs::{Mask, list_between};
 use crate::images::silhouette::Silhouette;
 use crate::parallel;
 
@@ -144,16 +144,11 @@ fn find_uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(
     let mut bare = Bits::pack(&silhouette.mask.values, silhouette.mask.width);
     let [width, height] = bare.size();
     let reach = 1.2 * radius_px + 0.3;
-    // from the first, up to the one after the last
-    let range = |low: f64, high: f64, count: usize| {
-        let last = (high.floor().max(-1.0) + 1.0).min(count as f64) as usize;
-        (low.ceil().max(0.0) as usize).min(last)..last
-    };
     for x in chains.iter().flatten() {
         let (u, v) = (x[0] - left, x[1] - top);
-        for row in range(v - reach, v + reach, height) {
+        for row in list_between(v - reach, v + reach, height) {
             let half = (reach * reach - (row as f64 - v).powi(2)).max(0.0).sqrt();
-            bare.fill(row, range(u - half, u + half, width), false);
+            bare.fill(row, list_between(u - half, u + half, width), false);
         }
     }
     let found = find_blobs(&bare, true, true);
