@@ -42,7 +42,7 @@ pub struct Silhouette {
 }
 
 const FAR: [f64; 2] = [20.0, 16.0]; // farther places outside the mask count as this far: image radii, and pixels more
-const STEPS: f64 = 2.5; // places on the edge for each image radius of it, about
+const STEPS: f64 = 3.0; // places on the edge for each image radius of it, about
 const MAX_SHRUNK: f64 = 0.7; // distance by which masks are too narrow at most, pixels
 const MAX_GROWN: f64 = 2.0; // distance by which masks are too wide at most, pixels
 const MAX_GROWN_WIDE: f64 = 1.0; // the same for masks that may show two ropes side by side, pixels

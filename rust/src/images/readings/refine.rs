@@ -7,8 +7,7 @@ use super::stiffness::{Equations, Stiffness};
 use crate::images::silhouette::Silhouette;
 
 /// Reach of edges that no chain explains yet, by iteration, image radii.
-const REACH: [f64; 5] = [4.0, 3.0, 2.0, 1.3, 0.8];
-const AGAIN: usize = 2; // first step of chains that were fitted before
+const REACH: [f64; 7] = [4.0, 4.0, 3.5, 3.0, 2.0, 1.3, 0.8];
 const NEAR: f64 = 1.2; // reach of edges near chains at least, image radii
 /// An edge is explained by a chain within this distance of its vote for the axis, image radii.
 const EXPLAINED: f64 = 0.8;
@@ -17,8 +16,8 @@ const END_HOLD: f64 = 100.0; // weight that holds a chain's ends where they star
 const DAMPING: f64 = 1e-2; // limits steps of nodes that nothing else holds
 const SLACK: f64 = 1e-6; // pixels by which a search reaches farther than a known node, against rounding
 
-/// Fits chains together to the mask; chains that were fitted `before` need fewer steps.
-pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>], before: bool) -> Vec<Vec<Place>> {
+/// Fits chains together to the mask.
+pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>> {
     let radius_px = silhouette.radius_px;
     let starts: Vec<usize> = chains
         .iter()
@@ -43,7 +42,7 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>], before: bool) -> 
     };
     // the last nearest node of each edge, near which the next one is
     let mut last: Vec<Option<usize>> = vec![None; silhouette.boundary.len()];
-    for reach in REACH.into_iter().skip(if before { AGAIN } else { 0 }) {
+    for reach in REACH {
         let lookup = Lookup::new(&nodes, NEAR * radius_px);
         let tangents: Vec<Place> = (0..nodes.len())
             .map(|i| {

@@ -131,7 +131,7 @@ fn settle(silhouette: &Silhouette, reading: &Reading) -> Reading {
         if round > 0 && led == chains {
             break;
         }
-        chains = refined(silhouette, &led, round > 0);
+        chains = refined(silhouette, &led);
     }
     Reading { cost: reading.fixed + price(silhouette, &chains), chains, ..*reading }
 }
