@@ -85,8 +85,8 @@ def reconstruct(
     keep_stages : bool
         Whether to keep the arrays between the stages, in `Model.stages`:
 
-        - "raw", "filtered" and "registered": tuples of (N, 3) arrays, one for each view used; of very dense
-          views, "registered" has some of the points;
+        - "raw", "filtered" and "registered": tuples of (N, 3) arrays, one for each view used;
+          "registered" has only some of the points of very dense views;
         - "arcs", the pieces of ropes before they were linked, and "fit", a `TubeFit`;
         - "readings", for answers read from images instead: (M, 3) nodes of all ropes of all readings;
         - "normals", "axis_points" (M, 3), "traced" (chains before the split), "separation" (d* along each),

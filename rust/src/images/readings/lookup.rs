@@ -6,6 +6,7 @@ use super::planar::Place;
 use crate::simd::{LANES, kernel};
 
 const MAX_CELLS: f64 = 4096.0; // cells along a side at most; matters for ropes much thinner than a pixel
+const NOWHERE: u64 = u64::MAX; // the nearest node of a place without one
 
 /// Places sorted into square cells.
 pub struct Lookup {
@@ -60,7 +61,7 @@ impl Lookup {
         Self { low, inverse, width, height, starts, numbers, places }
     }
 
-    /// Returns the first and the one after the last row of cells within reach of a place; or column.
+    /// Returns the columns of cells (`c` 0) or the rows (`c` 1) within reach of a coordinate.
     #[inline(always)]
     fn range(&self, c: usize, at: f64, reach: f64) -> Range<usize> {
         // a cast to an integer cuts off, and saturates
@@ -112,8 +113,6 @@ impl Lookup {
         found
     }
 }
-
-const NOWHERE: u64 = u64::MAX; // the nearest node of a place without one
 
 kernel! {
     /// Lowers the squared distances of sorted places, from the `first` on, to those from nodes; sets the nearest nodes.

@@ -20,7 +20,7 @@ pub struct Region {
     filled: Vec<usize>,
 }
 
-/// What a curve covers, in the words that have pixels inside.
+/// The pixels that a curve covers, in the words that have pixels inside.
 pub type Cover = Vec<u64>;
 
 impl Region {

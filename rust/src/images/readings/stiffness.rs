@@ -6,7 +6,7 @@ use crate::geometry::banded::{Bordered, PLANAR};
 /// Lower rows of the matrix of bending and its change: entries for each node and the three before it.
 type Rows = Vec<[f64; 4]>;
 
-/// What holds the nodes of a curve in the image, lengths in image radii.
+/// The forces between the nodes of a curve in the image and on those that are held, lengths in image radii.
 pub struct Stiffness {
     matrix: Bordered<PLANAR>,
     rows: Rows,
