@@ -28,6 +28,7 @@ SHARES = {
 # answers may hold NaN: it has a meaning, or Python checks the arguments before it calls the core
 UNCHECKED = {
     "evaluate_spline",
+    "interpolate",
     "tabulate_arc_length",
     "price_join",
     "measure_bending",
@@ -126,6 +127,7 @@ CALLS: dict[str, tuple[Callable, tuple, dict]] = {
     "EndObservation": (strand.EndObservation, (0, 0, (0.0, 0.0, 0.5), (1.0, 0.0, 0.0), 0.01), {}),
     "fit_spline": (_core.fit_spline, (NODES, 0.02, 0.01), {}),
     "evaluate_spline": (_core.evaluate_spline, (NODES, np.linspace(0, 9, 20)), {}),
+    "interpolate": (_core.interpolate, (np.linspace(-1, 9, 20), np.arange(12.0), NODES), {}),
     "tabulate_arc_length": (_core.tabulate_arc_length, (NODES, 0.0, 9.0), {}),
     "find_overlaps": (
         _core.find_overlaps,
@@ -168,6 +170,8 @@ CALLS: dict[str, tuple[Callable, tuple, dict]] = {
         (TUBE, TUBE[:99], TUBE[:300], 0.01, (1e-9, 1e-3), 0.1, 2, 3, (3.0, 1e-3)),
         {},
     ),
+    "draw_numbers": (_core.draw_numbers, (9, 100), {}),
+    "count_disc_pairs": (_core.count_disc_pairs, (3.5,), {}),
     "find_median": (_core.find_median, (DEPTH,), {}),
     "find_values_near": (_core.find_values_near, (DEPTH, 0.5, 4), {}),
     "measure_linear_scatter": (

@@ -4,6 +4,8 @@ pub mod arclength;
 pub mod banded;
 pub mod boxes;
 pub mod bridge;
+pub mod disc;
+pub mod draws;
 mod eigen;
 pub mod linear;
 pub mod median;

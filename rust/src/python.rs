@@ -117,6 +117,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(curves::fit_spline, module)?)?;
     module.add_function(wrap_pyfunction!(curves::evaluate_spline, module)?)?;
     module.add_function(wrap_pyfunction!(curves::tabulate_arc_length, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::interpolate, module)?)?;
     module.add_function(wrap_pyfunction!(curves::find_overlaps, module)?)?;
     module.add_function(wrap_pyfunction!(curves::find_crossed_segments, module)?)?;
     module.add_function(wrap_pyfunction!(curves::path_length, module)?)?;
@@ -144,6 +145,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(heights::find_plane, module)?)?;
     module.add_function(wrap_pyfunction!(heights::measure_plane_errors, module)?)?;
     module.add_function(wrap_pyfunction!(heights::find_tabletop, module)?)?;
+    module.add_function(wrap_pyfunction!(statistics::draw_numbers, module)?)?;
+    module.add_function(wrap_pyfunction!(statistics::count_disc_pairs, module)?)?;
     module.add_function(wrap_pyfunction!(statistics::find_median, module)?)?;
     module.add_function(wrap_pyfunction!(statistics::find_values_near, module)?)?;
     module.add_function(wrap_pyfunction!(statistics::measure_linear_scatter, module)?)?;

@@ -132,9 +132,7 @@ class Curve:
         curvature : (M, 3) ndarray
             The tangent's derivative by arc length, 1/m.
         """
-        position, slope, bend = _core.evaluate_spline(self.control, self.parameter_at(s))
-        square, along = (multiply_rows(slope, other)[:, None] for other in (slope, bend))
-        return position, slope / np.sqrt(square), (bend - slope * along / square) / square
+        return _core.evaluate_spline(self.control, self.parameter_at(s))
 
     def place_at(self, s: ArrayLike) -> Array:
         """Return (M, 3) positions alone at arc lengths `s`, metres, as `at` does."""

@@ -9,7 +9,7 @@ import numpy as np
 import rustworkx as rx
 from numpy.typing import ArrayLike, NDArray
 
-from strand._core import bridge, end_direction, path_length
+from strand._core import bridge, end_direction, interpolate, path_length
 from strand.support.checks import Array, to_array
 
 __all__ = [
@@ -21,14 +21,6 @@ __all__ = [
     "order_segments",
     "path_length",
 ]
-
-
-def interpolate(s: Array, known: Array, values: Array) -> Array:
-    """Return values at places s (...,), linear between those at known places (M,) in order, M >= 2."""
-    k = np.clip(np.searchsorted(known, s, side="right") - 1, 0, len(known) - 2)
-    part = np.asarray((s - known[k]) / (known[k + 1] - known[k]))
-    part = part.reshape(part.shape + (1,) * (values.ndim - 1))
-    return np.asarray((1.0 - part) * values[k] + part * values[k + 1])
 
 
 def check_node_values(name: str, value: ArrayLike, shape: tuple[int, ...], counts: bool) -> NDArray[Any]:

@@ -18,7 +18,6 @@ _MAX_STEP = 1.5  # factor by which a searching radius is widened
 _MANY = 100_000  # points: in views with more, neighbours are counted among some
 _ENOUGH = 200  # neighbours that are counted then at least
 _LEAST = 50  # neighbours that a point then needs at least
-_SEED = 0  # of the points that are counted
 _BESIDE = 0.25  # searching radii: points this near to some with enough neighbours have enough themselves
 
 
@@ -59,7 +58,7 @@ def _sample_points(points: Array, reach: float, config: Filter) -> Array:
         return points
     # chance decides which: of points in rows, every n-th ones may all lie on a few lines
     starts = np.arange(0, len(points) - step + 1, step)
-    chosen = starts + np.random.default_rng(_SEED).integers(0, step, len(starts))
+    chosen = starts + _core.draw_numbers(step, len(starts))
     return _core.copy_constant(points[chosen])
 
 
@@ -75,17 +74,10 @@ def _have_neighbors(
     points: Array, counts: NDArray[np.int64], reach: float, radius: float, config: Filter, widen: bool
 ) -> NDArray[np.bool_]:
     """Tell which points have enough neighbours, given how many they have within a reach."""
-    median = _find_median(counts)
+    median = _core.find_median(counts.astype(np.float64))
     while widen and median < config.widen_below and reach < _MAX_REACH * radius:
         # on a surface counts grow with the square of the reach
         reach *= float(np.clip(np.sqrt(config.widen_below / max(median, 1.0)), _MIN_STEP, _MAX_STEP))
         counts = _core.count_neighbors(points, reach)
-        median = _find_median(counts)
+        median = _core.find_median(counts.astype(np.float64))
     return counts >= max(config.min_fraction * median, config.min_neighbors)
-
-
-def _find_median(counts: NDArray[np.int64]) -> float:
-    """Return the median; NumPy's own takes longer than the filter, as it also looks for NaN."""
-    half = len(counts) // 2
-    parted = np.partition(counts, (half - 1, half) if len(counts) > 1 else half)
-    return float(parted[half] if len(counts) % 2 else 0.5 * (parted[half - 1] + parted[half]))

@@ -12,6 +12,22 @@ pub fn arc_length<const N: usize>(nodes: &[[f64; N]]) -> Vec<f64> {
     lengths
 }
 
+/// Returns rows of values at places, linear between those at known places in order, at least two; the outermost lines
+/// go on beyond them.
+///
+/// A row has as many values as its known place has, and `values` holds the rows one after the other.
+pub fn interpolate_rows(places: &[f64], known: &[f64], values: &[f64]) -> Vec<f64> {
+    let width = values.len() / known.len();
+    let mut rows = Vec::with_capacity(places.len() * width);
+    for &place in places {
+        let next = known.partition_point(|&there| there <= place).clamp(1, known.len() - 1);
+        let part = (place - known[next - 1]) / (known[next] - known[next - 1]);
+        let (before, after) = values[(next - 1) * width..(next + 1) * width].split_at(width);
+        rows.extend(before.iter().zip(after).map(|(low, high)| (1.0 - part) * low + part * high));
+    }
+    rows
+}
+
 /// Resamples a polyline evenly from end to end: nodes about `step` apart, at least two.
 pub fn resampled<const N: usize>(nodes: &[[f64; N]], step: f64) -> Vec<[f64; N]> {
     let arc = arc_length(nodes);

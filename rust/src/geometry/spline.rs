@@ -26,6 +26,16 @@ pub struct Place {
     pub second: Point,
 }
 
+impl Place {
+    /// Returns the unit tangent and its derivative by arc length, 1/m; they are NaN where the curve stands still.
+    pub fn tangent_and_curvature(&self) -> [Point; 2] {
+        let (slope, bend) = (self.first, self.second);
+        let (square, along) = (dot(slope, slope), dot(slope, bend));
+        let length = square.sqrt();
+        [slope.map(|x| x / length), std::array::from_fn(|k| (bend[k] - slope[k] * along / square) / square)]
+    }
+}
+
 /// A spline as one cubic polynomial for each span, which is quicker to evaluate at many places.
 pub(crate) struct Pieces {
     /// Coefficients of 1, t, t² and t³, where t runs from 0 to 1 in each span.

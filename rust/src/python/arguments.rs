@@ -166,10 +166,18 @@ impl FloatArray {
     fn of_kind(name: &str, value: &Bound<'_, PyAny>, kinds: &str) -> PyResult<Self> {
         let py = value.py();
         refuse_masks_and_units(name, value)?;
-        if let Ok(array) = value.cast::<PyArrayDyn<f64>>()
-            && let Some(values) = taken(name, array)?
-        {
-            return Ok(Self { values, shape: array.shape().to_vec() });
+        if let Ok(array) = value.cast::<PyArrayDyn<f64>>() {
+            let values = match taken(name, array)? {
+                None => {
+                    let numpy = py.import("numpy")?;
+                    let ordered = called_method(&numpy, "ascontiguousarray", (array,))?;
+                    taken(name, ordered.cast::<PyArrayDyn<f64>>()?)?
+                }
+                values => values,
+            };
+            if let Some(values) = values {
+                return Ok(Self { values, shape: array.shape().to_vec() });
+            }
         }
         let numpy = py.import("numpy")?;
         let array = called_method(&numpy, "asarray", (value,)).map_err(|error| named(py, name, error))?;

@@ -1,6 +1,6 @@
 //! Bindings of curves: splines, polylines and bridges.
 
-use numpy::{Element, PyArray1, PyArray2};
+use numpy::{Element, PyArray1, PyArray2, PyArrayDyn};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 
@@ -44,7 +44,7 @@ pub(super) fn fit_spline<'py>(
     points_array(py, spline.control)
 }
 
-/// Return the positions and first two derivatives of a spline at parameters; see `strand.curve.evaluate`.
+/// Return the positions, unit tangents and curvature vectors, 1/m, of a spline at parameters.
 #[pyfunction]
 pub(super) fn evaluate_spline<'py>(
     py: Python<'py>,
@@ -54,16 +54,51 @@ pub(super) fn evaluate_spline<'py>(
     let (spline, parameters) =
         (checked_spline("control", control)?, FloatArray::new("parameters", parameters)?);
     let count = parameters.slice().len();
-    let [position, first, second] = released_if_many(py, count, move || {
+    let [position, tangent, curvature] = released_if_many(py, count, move || {
         let mut places: [Vec<Point>; 3] = std::array::from_fn(|_| Vec::with_capacity(count));
         for place in parameters.slice().iter().map(|&u| spline.at(u)) {
-            for (all, one) in places.iter_mut().zip([place.position, place.first, place.second]) {
+            let [tangent, curvature] = place.tangent_and_curvature();
+            for (all, one) in places.iter_mut().zip([place.position, tangent, curvature]) {
                 all.push(one);
             }
         }
         places
     })?;
-    Ok((points_array(py, position)?, points_array(py, first)?, points_array(py, second)?))
+    Ok((points_array(py, position)?, points_array(py, tangent)?, points_array(py, curvature)?))
+}
+
+/// Return values at places, linear between those at known places.
+///
+/// Parameters
+/// ----------
+/// places : (...) array_like of float
+///     Beyond the known ones, the outermost lines go on.
+/// known : (M,) array_like of float
+///     In order, M >= 2.
+/// values : (M, ...) array_like of float
+///
+/// Returns
+/// -------
+/// ndarray
+///     Of the shape of `places`, followed by that of one value.
+#[pyfunction]
+pub(super) fn interpolate<'py>(
+    py: Python<'py>,
+    places: &Bound<'py, PyAny>,
+    known: &Bound<'py, PyAny>,
+    values: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    let [places, known, values] = [("places", places), ("known", known), ("values", values)]
+        .map(|(name, value)| FloatArray::new(name, value));
+    let (places, known, values) = (places?, known?, values?);
+    let [(2..)] = known.shape()[..] else { return Err(wrong_shape("known", "(M,), M >= 2", known.shape())) };
+    require_same_length("values", values.shape().first().copied().unwrap_or(0), known.slice().len())?;
+    let shape = [places.shape(), &values.shape()[1..]].concat();
+    let count = shape.iter().product();
+    let found = released_if_many(py, count, move || {
+        polyline::interpolate_rows(places.slice(), known.slice(), values.slice())
+    })?;
+    array(py, found, shape)
 }
 
 /// Return the arc lengths from one parameter of a spline to places evenly spaced up to another, metres.

@@ -1,14 +1,17 @@
-//! Bindings of medians, scatter and steps of numbers.
+//! Bindings of medians, scatter and steps of numbers, of draws, and of pairs of pixels.
 
-use numpy::PyArray1;
+use numpy::{PyArray1, PyArray2};
+use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 
 use super::arguments::{FloatArray, require_same_length, wrong_shape};
-use super::arrays::list;
-use super::released::guarded;
+use super::arrays::{array, list};
+use super::released::{guarded, released_if_many};
 use crate::clouds::depth;
-use crate::geometry::linear;
 use crate::geometry::median::median;
+use crate::geometry::{disc, draws, linear};
+
+const MAX_REACH: f64 = 2000.0; // pixels
 
 /// Return the median of numbers: the mean of the middle two of an even number of them; NaN without numbers, and if one
 /// is NaN.
@@ -19,6 +22,31 @@ pub(super) fn find_median(values: &Bound<'_, PyAny>) -> PyResult<f64> {
         return Ok(f64::NAN);
     }
     guarded(move || median(values).unwrap_or(f64::NAN))
+}
+
+/// Draw whole numbers from 0 on that are below a bound, the same in every call.
+///
+/// They are those of `numpy.random.default_rng(0).integers(0, below, count)`.
+#[pyfunction]
+pub(super) fn draw_numbers(py: Python<'_>, below: u32, count: usize) -> PyResult<Bound<'_, PyArray1<i64>>> {
+    if below == 0 {
+        return Err(PyValueError::new_err("below: expected a number above 0, got 0"));
+    }
+    let drawn = released_if_many(py, count, move || draws::draw_numbers(below, count))?;
+    list(py, drawn.ok_or_else(|| PyMemoryError::new_err(format!("count: no memory for {count} numbers")))?)
+}
+
+/// Return the number of pairs of a disc's pixels at each distance in rows and columns: 0, 1, ..., -2, -1.
+///
+/// The disc has the pixels at most `reach` from its middle one.
+#[pyfunction]
+pub(super) fn count_disc_pairs(py: Python<'_>, reach: f64) -> PyResult<Bound<'_, PyArray2<f64>>> {
+    if !(0.0..=MAX_REACH).contains(&reach) {
+        return Err(PyValueError::new_err(format!("reach: expected 0 to {MAX_REACH} pixels, got {reach}")));
+    }
+    let effort = (8.0 * reach.powi(3)) as usize;
+    let (pairs, size) = released_if_many(py, effort, move || disc::count_disc_pairs(reach))?;
+    array(py, pairs, [size, size])
 }
 
 /// Return the `count` largest different numbers below another, and the `count` smallest of the others, ascending.

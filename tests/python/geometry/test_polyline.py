@@ -52,3 +52,20 @@ def test_covariances_between_nodes_are_linear_and_at_nodes_their_own():
     assert interpolate(np.array([0.125]), known, values)[0] == pytest.approx(0.5 * (values[0] + values[1]))
     found = interpolate(rng.uniform(size=100), known, values)
     assert (np.linalg.eigvalsh(found) > 0).all()
+
+
+@pytest.mark.parametrize("shape", [(), (3,), (3, 3)])
+def test_values_between_places_have_the_bits_of_the_formula(shape):
+    rng = np.random.default_rng(6)
+    known, values = np.sort(rng.normal(size=9)), rng.normal(size=(9, *shape))
+    places = np.append(rng.normal(scale=2.0, size=30), known).reshape(3, 13)
+    k = np.clip(np.searchsorted(known, places, side="right") - 1, 0, 7)
+    part = (places - known[k]) / (known[k + 1] - known[k])
+    part = part.reshape(part.shape + (1,) * len(shape))
+    assert np.array_equal(interpolate(places, known, values), (1.0 - part) * values[k] + part * values[k + 1])
+
+
+def test_values_between_places_need_two_of_them_and_one_value_each():
+    for known, values in ((np.zeros(1), np.zeros(1)), (np.arange(2.0), np.zeros(3)), (np.arange(2.0), 1.0)):
+        with pytest.raises(ValueError, match=r"known|values"):
+            interpolate(np.zeros(1), known, values)

@@ -69,6 +69,7 @@ calls = {{
     "fit_tubes": lambda: strand.fit_tubes([points[:500]], np.ones((1, 3)), [control], **fit),
     "fit_spline": lambda: _core.fit_spline(points[:40], 0.5, 0.1),
     "evaluate_spline": lambda: _core.evaluate_spline(control, points[0]),
+    "interpolate": lambda: _core.interpolate(points[0], points[:3, 0].copy(), points[:3]),
     "find_overlaps": lambda: _core.find_overlaps(points[:99], number[:99], points[:99, 0].copy(), 0.1, 0.1),
     "find_crossed_segments": lambda: _core.find_crossed_segments(plan, lines),
     "find_crossed_segments, numbers": lambda: _core.find_crossed_segments(plan, number[:398].reshape(-1, 2)),
@@ -207,6 +208,7 @@ def test_this_file_names_every_kernel_that_takes_arrays():
         line.split("(")[0].removeprefix("def ") for line in stub.splitlines() if line.startswith("def ")
     }
     quick = {"set_num_threads", "num_threads", "count_cores", "find_extents"}
+    quick |= {"draw_numbers", "count_disc_pairs"}
     several = {"count_neighbors_each", "estimate_normals_each", "register_in_turn"}
     small = {"tabulate_arc_length", "end_direction", "measure_bending", "price_join", "occludes"}
     missing = {name for name in functions - quick - several - small if f"{name}(" not in RACE}

@@ -140,18 +140,14 @@ def _average_over_discs(correlation: float, pixels: float) -> tuple[float, float
         The ropes' radius.
     """
     reach = max(_DISC * pixels, 1.0)
-    whole = math.floor(reach)
-    y, x = np.ogrid[-whole : whole + 1, -whole : whole + 1]
-    disc = np.hypot(x, y) <= reach
-    # number of pairs of a disc's pixels at each distance in rows and columns
-    size = 4 * whole + 1
-    pairs = np.rint(np.fft.irfft2(np.abs(np.fft.rfft2(disc, (size, size))) ** 2, (size, size)))
-    distances = (np.arange(size) + 2 * whole) % size - 2 * whole
+    pairs = _core.count_disc_pairs(reach)
+    half = len(pairs) // 2
+    distances = np.concatenate([np.arange(half + 1), np.arange(-half, 0)])
 
     def correlate(away: np.ndarray) -> np.ndarray:
         return np.exp(-(away**2) / (4.0 * max(correlation, _MIN_CORRELATION) ** 2))
 
-    shares = correlate(distances) @ pairs / np.count_nonzero(disc) ** 2
+    shares = correlate(distances) @ pairs / pairs[0, 0] ** 2
     # lengths beyond the longest that counts make no difference
     far = math.ceil(min(2.0 * reach + 6.0 * correlation, 2.0 * _LENGTH_RANGE[1] * pixels))
     power, *along = correlate(distances + np.arange(far + 1)[:, None]) @ shares

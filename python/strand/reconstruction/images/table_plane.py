@@ -11,8 +11,6 @@ from strand.geometry.plane import Plane
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 
-_SEED = 0  # of the draws of three points that planes are tried through
-
 # a plane among all points
 _MAX_POINTS_COMPARED = 3000  # points that planes are compared with
 _PLANES = 300  # planes that are tried
@@ -80,10 +78,10 @@ def find_largest_plane(points: Array) -> tuple[Plane, float] | None:
     """
     if len(points) < 3:
         return None
-    rng = np.random.default_rng(_SEED)
     width = _FIRST_WIDTH * _core.find_median(measure_lengths(points))
-    compared = points[rng.integers(0, len(points), min(_MAX_POINTS_COMPARED, len(points)))]
-    corners = points[rng.integers(0, len(points), 3 * _PLANES)]
+    count = min(_MAX_POINTS_COMPARED, len(points))
+    drawn = points[_core.draw_numbers(len(points), count + 3 * _PLANES)]
+    compared, corners = drawn[:count], drawn[count:]
     adaptive = (_DEVIATIONS, _MIN_WIDTH / _FIRST_WIDTH * width)
     found = _core.find_plane(points, compared, corners, width, (0.0, _MIN_SINE), 0.0, _ROUNDS, 3, adaptive)
     if found is None:
@@ -112,8 +110,7 @@ def _find_plane_beside(points: Array, image: DepthImage, radius: float) -> Plane
     """Return the plane that most of (N, 3) points lie on, to within a radius, metres; None without one."""
     if len(points) < _MIN_POINTS_BESIDE:
         return None
-    rng = np.random.default_rng(_SEED)
-    corners = points[rng.integers(0, len(points), 3 * _PLANES_BESIDE)]
+    corners = points[_core.draw_numbers(len(points), 3 * _PLANES_BESIDE)]
     found = _core.find_plane(
         points,
         points[::_EACH_BESIDE],
