@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -177,10 +177,16 @@ class Line:
         return bending.find_node_derivatives(self._path, self.closed)
 
     def reversed(self) -> Self:
-        """Return the same rope with its nodes in the other order."""
-        rows = {name: getattr(self, name) for name in ("points", *_NODE_VALUES)}
-        turned: dict[str, Any] = {name: None if row is None else row[::-1] for name, row in rows.items()}
-        return replace(self, curve=None if self.curve is None else self.curve.reversed(), **turned)
+        """Return the same rope with its nodes in the other order; nothing is checked again."""
+        made = object.__new__(type(self))
+        made.__dict__.update({entry.name: getattr(self, entry.name) for entry in fields(self)})
+        for name in ("points", *_NODE_VALUES):
+            row = getattr(self, name)
+            if row is not None:
+                made.__dict__[name] = freeze_array(row[::-1])
+        if self.curve is not None:
+            made.__dict__["curve"] = self.curve.reversed()
+        return made
 
     def tube(self, sides: int = 16) -> tuple[Array, NDArray[np.int32]]:
         """Return the rope's surface as a closed triangle mesh.

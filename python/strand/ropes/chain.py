@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,6 +29,7 @@ from strand.support.checks import (
     freeze_array,
     to_array,
 )
+from strand.support.copies import copy_with
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -114,7 +114,7 @@ class Chain(Line):
     def reversed(self) -> Self:
         """Return the same rope with its nodes in the other order."""
         turned, ends = super().reversed(), self.hidden_ends[::-1]
-        return turned if ends == turned.hidden_ends else replace(turned, hidden_ends=ends)
+        return turned if ends == turned.hidden_ends else copy_with(turned, hidden_ends=ends)
 
     def _repr_html_(self) -> str:
         """Return HTML for notebooks: a small plot of the chain, and its numbers."""
@@ -229,7 +229,6 @@ def remarked(chain: Chain, **remarks: Any) -> Chain:
     **remarks
         Any of `confidence`, `doubts`, `up`, `label`, `color` and `hidden_ends`.
     """
-    made = copy(chain)
-    made.__dict__.update(remarks)
+    made = copy_with(chain, **remarks)
     made._check_remarks(remarks)
     return made

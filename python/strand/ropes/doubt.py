@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass
 
 from strand.support.checks import (
@@ -20,6 +19,7 @@ from strand.support.checks import (
     freeze_array,
     round_to_millimeters,
 )
+from strand.support.copies import copy_with
 
 DOUBTS = (
     "join",
@@ -246,6 +246,4 @@ class Alternative:
 
 def rated(alternative: Alternative, probability: float) -> Alternative:
     """Return an alternative with its probability; its chains stay, and are not checked again."""
-    made = copy(alternative)
-    object.__setattr__(made, "probability", check_fraction_or_nan("probability", probability))
-    return made
+    return copy_with(alternative, probability=check_fraction_or_nan("probability", probability))
