@@ -16,7 +16,7 @@ from strand.config import Poses
 from strand.reconstruction.evidence.confidence import to_normal_deviate
 from strand.reconstruction.stages import Found, Observed
 from strand.support.checks import Array
-from strand.views.pose import make_rotation, to_rotation_vector
+from strand.views.pose import make_rotation, measure_motions
 
 _MIN_VIEWS = 3  # two views leave nothing that would contradict a hand-eye error
 _MIN_DEVIATE = 2.5  # standard normal deviate: rarer corrections are more than chance
@@ -53,19 +53,14 @@ def find_hand_eye_error(observed: Observed, found: Found, prior: Poses) -> HandE
     reported = [view.pose for view in observed.views]
     center = np.concatenate([chain.points for chain in found.chains]).mean(axis=0)
     expected = np.repeat([prior.rotation_sd, prior.translation_sd], 3)
-    moved, surprise = {}, 0.0
-    for k in range(count):
-        if k == held:
-            continue
-        correction = found.poses[k] @ np.linalg.inv(reported[k])
-        shift = correction[:3, :3] @ center + correction[:3, 3] - center
-        moved[k] = np.concatenate([to_rotation_vector(correction[:3, :3]), shift])
-        surprise += float(((moved[k] / expected) ** 2).sum())
-    if to_normal_deviate(surprise, _POSE_FREEDOM * (count - 1)) <= _MIN_DEVIATE:
+    others = [k for k in range(count) if k != held]
+    moved = measure_motions(np.array(reported)[others], np.array(found.poses)[others], center)
+    surprise = sum(((moved / expected) ** 2).sum(axis=1).tolist())
+    if to_normal_deviate(surprise, _POSE_FREEDOM * len(others)) <= _MIN_DEVIATE:
         return None
     still = _move_center(reported[held], center)
     rows, targets = [], []
-    for k, correction in moved.items():
+    for k, correction in zip(others, moved, strict=True):
         deviation = np.hypot(found.pose_sd[k], np.repeat(_FLOOR_SD, 3))
         rows.append((_move_center(reported[k], center) - still) / deviation[:, None])
         targets.append(correction / deviation)

@@ -21,7 +21,7 @@ from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
 from strand.views.box import Box
-from strand.views.pose import to_rotation_vector
+from strand.views.pose import measure_motions
 from strand.views.view import View
 
 _POSE_FREEDOM = 4  # unknowns of a pose that its error may have moved
@@ -68,10 +68,9 @@ def _doubt_poses(views: Sequence[View], found: Found, prior: Poses) -> Iterator[
     nodes = np.concatenate([chain.points for chain in found.chains])
     middle, radius = nodes.mean(axis=0), min(chain.radius for chain in found.chains)
     reported = np.array([views[number].pose for number in others])
-    motions = np.array([found.poses[number] for number in others]) @ np.linalg.inv(reported)
-    shifts = motions[:, :3, :3] @ middle + motions[:, :3, 3] - middle
-    turns = np.array([to_rotation_vector(motion[:3, :3]) for motion in motions])
-    rotated, shifted = ((of**2).sum(axis=1) for of in (turns, shifts))
+    registered = np.array([found.poses[number] for number in others])
+    changes = measure_motions(reported, registered, middle)
+    rotated, shifted = ((of**2).sum(axis=1) for of in (changes[:, :3], changes[:, 3:]))
     squares = rotated / prior.rotation_sd**2 + shifted / prior.translation_sd**2
     rare = max(
         to_normal_deviate(float(squares.sum()), _POSE_FREEDOM * len(others)),
@@ -81,6 +80,7 @@ def _doubt_poses(views: Sequence[View], found: Found, prior: Poses) -> Iterator[
     if rare <= _MIN_DEVIATE:
         return
     # |(R - 1) x + t|
+    motions = registered @ np.linalg.inv(reported)
     away = nodes @ (motions[:, :3, :3] - np.eye(3)).transpose(0, 2, 1) + motions[:, None, :3, 3]
     far = math.sqrt(float((away**2).sum(axis=2).max()))
     # an error that is small against the ropes leaves the answer right

@@ -142,6 +142,18 @@ def to_rotation_vector(rotation: Array) -> Array:
     return 0.5 * axis * (angle / sine if sine > 0.0 else 1.0)
 
 
+def measure_motions(before: Array, after: Array, center: Array) -> Array:
+    """(K, 6) Return rotation vectors, radians, and shifts of a point, metres, as (K, 4, 4) poses change."""
+    motions = after @ np.linalg.inv(before)
+    shifts = motions[:, :3, :3] @ center + motions[:, :3, 3] - center
+    return np.hstack([[to_rotation_vector(motion[:3, :3]) for motion in motions], shifts])
+
+
+def moved_by_each(points: Array, motions: Array) -> Array:
+    """(K, M, 3) Return (M, 3) or (K, M, 3) points after each of (K, 4, 4) rigid motions."""
+    return np.asarray(points @ motions[:, :3, :3].transpose(0, 2, 1) + motions[:, None, :3, 3])
+
+
 def moved(points: Array, motion: Array) -> Array:
     """Return (..., 3) points after a (4, 4) rigid motion."""
     turned = np.asarray(points @ motion[:3, :3].T)

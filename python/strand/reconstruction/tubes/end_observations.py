@@ -14,7 +14,7 @@ from strand.geometry.curve import Curve
 from strand.reconstruction.tubes.tube_ends import estimate_excess, estimate_pixel_width
 from strand.support.checks import Array
 from strand.views.box import Box
-from strand.views.pose import moved
+from strand.views.pose import moved, moved_by_each
 
 _INSIDE = (1.0, 4.0)  # radii: stretch inside an end over which the density of its points is taken
 _HIDING = 2.5  # radii: a strand this near to a line of sight hides what is behind it
@@ -35,7 +35,7 @@ class _Scene:
 
     fit: TubeFit
     axes: list[Array | None]
-    cameras: list[Array]
+    cameras: Array
     backwards: Array
     bounds: Box | None
     translation_sd: float
@@ -76,7 +76,7 @@ def observe_ends(
         None if part is None else part.place_at(part.spaced(0.5 * fit.radius(number)))
         for number, part in enumerate(parts)
     ]
-    cameras = [moved(center[None], motion)[0] for center, motion in zip(viewpoints, fit.motions, strict=True)]
+    cameras = moved_by_each(viewpoints[:, None], fit.motions)[:, 0]
     backwards = np.asarray(np.linalg.inv(fit.motions), dtype=np.float64)
     scene = _Scene(fit, axes, cameras, backwards, bounds, translation_sd)
     found: list[EndObservation] = []
@@ -108,15 +108,17 @@ def _observe_end(
     inside, tangents, _ = part.at(np.clip(stretch, 0.0, part.length))
     outward = tangents[0] if late else -tangents[0]
     others = _find_other_axes(scene.axes, number, inside)
+    ahead = moved_by_each(inside[:1] + _AHEAD * r * np.outer([0, 1], outward), scene.backwards)
+    outside: list[int] = []
+    if scene.bounds is not None:
+        outside = np.flatnonzero(~scene.bounds.holds(ahead).all(axis=1)).tolist()
     seen = []
     for view, camera in enumerate(scene.cameras):
         to_camera = camera - inside[0]
         cosine = float(to_camera @ outward / np.linalg.norm(to_camera))
         if not _COSINES[0] < cosine < _COSINES[1] or _core.occludes(others, inside, camera, _HIDING * r):
             continue
-        back = scene.backwards[view]
-        ahead = moved(inside[:1] + _AHEAD * r * np.outer([0, 1], outward), back)
-        if scene.bounds is not None and not scene.bounds.holds(ahead).all():
+        if view in outside:
             continue
         seen_here = views == view
         weight = _weigh_pixels(camera - fit.points[near[seen_here]], tangents[0])
@@ -127,11 +129,11 @@ def _observe_end(
         excess, doubt = estimate_excess(cosine, fit.band(number) / r)
         offset -= excess * r
         sd = math.hypot(width / math.sqrt(12.0), doubt * r)
-        seen.append((view, inside[0] + offset * outward, offset, sd, back))
-    middle = float(np.median([offset for _, _, offset, _, _ in seen])) if seen else 0.0
+        seen.append((view, inside[0] + offset * outward, offset, sd))
+    middle = float(np.median([offset for _, _, offset, _ in seen])) if seen else 0.0
     agreeing = [
-        EndObservation(view, 2 * number + late, moved(spot[None], back)[0], outward, sd)
-        for view, spot, offset, sd, back in seen
+        EndObservation(view, 2 * number + late, moved(spot[None], scene.backwards[view])[0], outward, sd)
+        for view, spot, offset, sd in seen
         if abs(offset - middle) < _MAX_DISAGREEMENT * math.hypot(sd, scene.translation_sd)
     ]
     return agreeing if len(agreeing) > 1 else []

@@ -12,7 +12,7 @@ from strand.reconstruction.evidence.confidence import to_normal_deviate
 from strand.reconstruction.radius import Radii, guess_radius
 from strand.reconstruction.stages import Found, Observed
 from strand.ropes.doubt import Doubt
-from strand.views.pose import moved
+from strand.views.pose import moved_by_each
 from strand.views.view import View
 
 # Amounts are doubts as in `Doubt.amount`.
@@ -96,7 +96,8 @@ def _doubt_ends(fit: TubeFit, ends: Sequence[EndObservation]) -> Iterator[Doubt]
     for end in sorted({one.end for one in ends}):
         own = [one for one in ends if one.end == end]
         radius = fit.radius(end // 2)
-        places = np.array([moved(one.place, fit.motions[one.view]) for one in own])
+        found = np.array([[one.place] for one in own])
+        places = moved_by_each(found, fit.motions[[one.view for one in own]])[:, 0]
         common = _END_SD**2 + (_END_NOISE * fit.sigma / radius) ** 2
         precision = np.array([1.0 / ((one.sd / radius) ** 2 + common) for one in own])
         middle = precision @ places / precision.sum()
