@@ -165,9 +165,13 @@ class _Contest:
         self.effort += arcs**2
         return True
 
-    def try_arcs(self, arcs: Sequence[Array]) -> None:
-        if self.has_time(len(arcs)):
-            self._score(make_hypothesis(price_joins(arcs, self.evidence), self.evidence))
+    def try_arcs(self, arcs: Sequence[Array]) -> JoinCosts | None:
+        """Fit the hypothesis about some arcs if there is time; return what their joins cost."""
+        if not self.has_time(len(arcs)):
+            return None
+        costs = price_joins(arcs, self.evidence)
+        self._score(make_hypothesis(costs, self.evidence))
+        return costs
 
     def try_without(self, costs: JoinCosts, pair: Pair) -> None:
         if self.has_time(len(costs.arcs)):
@@ -205,14 +209,17 @@ def rank_hypotheses(
     contest = _Contest(evidence, fit_chains, run)
     arcs = turn_stubs(drop_duplicates(arcs, radius), radius)
     parted = cut_at_contacts(arcs, radius, config)
-    contest.try_arcs(parted)
+    costs = contest.try_arcs(parted)
     if len(parted) != len(arcs):
-        contest.try_arcs(arcs)
+        costs = contest.try_arcs(arcs)
         for back in _CUT_BACK if contest.has_time(len(arcs)) else ():
             contest.try_arcs(cut_at_contacts(arcs, radius, config, back))
+    elif [*map(len, parted)] != [*map(len, arcs)]:
+        # these are shorter arcs
+        costs = None
     if contest.has_time(len(arcs)):
         # with the obvious joins made first, more ends turn out to lie inside others
-        costs = price_joins(arcs, evidence)
+        costs = costs or price_joins(arcs, evidence)
         merged = [nodes for nodes, _ in chain_arcs(arcs, match_ends(costs, _OBVIOUS_COST)[0], evidence)]
         for back in _CUT_BACK if len(merged) < len(arcs) else ():
             parts = cut_at_contacts(merged, radius, config, back)

@@ -71,7 +71,6 @@ def price_joins(arcs: Sequence[Array], evidence: JoinEvidence) -> JoinCosts:
     radius, config, visibility = evidence.radius, evidence.config, evidence.visibility
     span = DIRECTION_SPAN * radius
     ends = [(nodes[-1], end_direction(nodes, 0.0, span)) for arc in arcs for nodes in (arc[::-1], arc)]
-    back = [_step_back(nodes, radius, span) for arc in arcs for nodes in (arc[::-1], arc)]
     position = np.array([p for p, _ in ends]).reshape(-1, 3)
     distance = np.linalg.norm(position[:, None] - position[None], axis=2)
     # gaps that no camera could see may be longer
@@ -87,7 +86,8 @@ def price_joins(arcs: Sequence[Array], evidence: JoinEvidence) -> JoinCosts:
         cost = _core.price_join(p, leave, q, arrive, radius)
         if distance[i, j] < _SHORT_GAP * radius:
             # over a short gap the last nodes' noise turns the curve: start a radius before them too
-            cost = min(cost, _core.price_join(*back[i], *back[j], radius))
+            (p, leave), (q, arrive) = (_step_back(order_outward(arcs, end), radius, span) for end in (i, j))
+            cost = min(cost, _core.price_join(p, leave, q, arrive, radius))
         if contrast is not None:
             cost += float(contrast[i, j])
         if cost < 2.0 * config.free_end and visibility is not None and distance[i, j] > _MIN_VISIBLE * radius:
