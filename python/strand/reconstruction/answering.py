@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -121,7 +120,7 @@ def describe_chains(chains: Sequence[Chain], views: Sequence[View], poses: Seque
 def list_images(scene: Scene, poses: Sequence[Array]) -> list[DepthImage]:
     """Return the views' images with these poses; those made of clouds end where the clouds do."""
     images = [
-        replace(view.image, pose=pose)
+        view.image.placed(pose)
         for view, pose in zip(scene.extract.whole, poses, strict=True)
         if view.image is not None
     ]
@@ -129,7 +128,7 @@ def list_images(scene: Scene, poses: Sequence[Array]) -> list[DepthImage]:
         pose = poses[number] @ np.linalg.inv(scene.extract.whole[number].pose) @ drawn.pose
         rows, columns = (np.flatnonzero((drawn.depth > 0).any(axis=axis)) for axis in (1, 0))
         window = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
-        images.append(replace(drawn.cropped(window), pose=pose))
+        images.append(drawn.cropped(window).placed(pose))
     return images
 
 

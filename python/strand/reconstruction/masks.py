@@ -203,9 +203,10 @@ def _explain_no_points(view: View, own: View) -> str:
 def warn_of_surplus_labels(views: Sequence[View], ropes: int | None) -> Iterator[ModelWarning]:
     """Yield a warning for each mask with more labels than ropes: some may be pieces of one rope."""
     for number, view in enumerate(views):
-        if ropes is None or view.image is None or view.image.labels is None:
+        image = view.image
+        if ropes is None or image is None or image.labels is None or image.labels.dtype == np.bool_:
             continue
-        labels = len(np.unique(view.image.labels[view.image.mask]))
+        labels = len(np.unique(image.labels[image.mask]))
         if labels > ropes:
             message = f"view {number}: its mask has {labels} labels, more than ropes = {ropes}"
             yield ModelWarning("mask", message, amount=float(labels), view=number)
@@ -219,16 +220,15 @@ def _find_mask(view: View, bounds: Box | None) -> DepthImage | None:
     return image if image.mask is image.labels else replace(image, labels=image.mask)
 
 
-def _show_rope(
-    image: DepthImage, bounds: Box | None, rows: _Indices, columns: _Indices
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the depths of pixels, and which are in the mask, have depth, and lie in the extraction range."""
-    z = image.depth[rows, columns]
-    inside = (z > 0) & image.mask[rows, columns]
+def _show_points(
+    image: DepthImage, bounds: Box | None, rows: _Indices, columns: _Indices, z: Array
+) -> NDArray[np.bool_]:
+    """(N,) Tell which pixels have depths z, metres, and show points in the extraction range."""
+    inside = z > 0
     if bounds is not None:
         world = moved(image.camera.cast_rays(rows, columns) * z[:, None], image.pose)
         inside &= bounds.holds(world)
-    return z, inside
+    return inside
 
 
 def _judge_mask(image: DepthImage, bounds: Box | None, radii: Array) -> tuple[str | None, float, bool]:
@@ -236,12 +236,14 @@ def _judge_mask(image: DepthImage, bounds: Box | None, radii: Array) -> tuple[st
 
     Say also how clearly depth would show otherwise, from 0 to 1, and whether it shows background alone.
     """
-    flat = np.flatnonzero(image.mask)
-    rows, columns = np.divmod(flat[:: max(len(flat) // _SAMPLE, 1)], image.mask.shape[1])
-    z, inside = _show_rope(image, bounds, rows, columns)
+    count = len(image.mask_pixels)
+    some = slice(None, None, max(count // _SAMPLE, 1))
+    rows, columns = np.divmod(image.mask_pixels[some], image.mask.shape[1])
+    z = image.mask_depths[some]
+    inside = _show_points(image, bounds, rows, columns, z)
     if not inside.any():
         return None, 0.0, False
-    share = float(inside.mean()) * len(flat) / image.mask.size
+    share = float(inside.mean()) * count / image.mask.size
     rows, columns, z = rows[inside], columns[inside], z[inside]
     heights = _measure_above_sides(image, bounds, rows, columns, z, _REACH * radii[-1])
     few = len(heights) < _MIN_SHARE_COMPARED * len(_SIDES) * inside.sum()
@@ -296,8 +298,11 @@ def _measure_above_sides(
     ways = np.stack([-aside, aside])
     u, v = columns + ways[..., :1], rows + ways[..., 1:]
     inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
-    u, v = np.where(inside, u, 0), np.where(inside, v, 0)
-    z, shown = _show_rope(image, bounds, v.ravel(), u.ravel())
-    beside = z.reshape(v.shape)
-    seen = (inside & (beside > 0) & ~shown.reshape(v.shape)).all(axis=0)
+    pixels = np.where(inside, v * width + u, 0)
+    beside = image.depth.take(pixels)
+    rope = image.mask.take(pixels)
+    if bounds is not None:
+        # what lies outside the range is no rope
+        rope &= _show_points(image, bounds, v.ravel(), u.ravel(), beside.ravel()).reshape(rope.shape)
+    seen = (inside & (beside > 0) & ~rope).all(axis=0)
     return np.asarray((0.5 * beside.sum(axis=0) - own)[seen])

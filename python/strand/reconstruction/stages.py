@@ -163,7 +163,7 @@ class SoughtTable(NamedTuple):
         """Tell whether the table beside ropes of a radius, metres, is the same in another image."""
         own = self.image
         same = image.depth is own.depth and image.pose is own.pose and radius == self.radius
-        return same and bool(np.array_equal(image.mask, own.mask))
+        return same and (image.mask is own.mask or bool(np.array_equal(image.mask, own.mask)))
 
 
 @dataclass(frozen=True, eq=False)

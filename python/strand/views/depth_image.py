@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -69,9 +69,14 @@ class DepthImage:
         return self.depth if self.occluders is None else np.where(self.occluders, _NEAREST, self.depth)
 
     @lazy_property
+    def mask_pixels(self) -> NDArray[np.intp]:
+        """(N,) The numbers of the ropes' pixels, row by row."""
+        return np.flatnonzero(self.mask)
+
+    @lazy_property
     def mask_depths(self) -> Array:
         """(N,) The depths of the ropes' pixels, row by row, metres; 0 where there is no return."""
-        return self.depth[self.mask]
+        return self.depth.take(self.mask_pixels)
 
     @lazy_property
     def distance(self) -> float:
@@ -93,6 +98,15 @@ class DepthImage:
     def strip_middles(self) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.int64]]:
         """The middles of the mask's strips, as `find_strip_middles` of the core returns them."""
         return _core.find_strip_middles(self.mask, _MIN_STRIP)
+
+    def placed(self, pose: Array) -> DepthImage:
+        """Return the image with another pose, (4, 4), camera to world; with its own it is the same object."""
+        return self if pose is self.pose else replace(self, pose=pose)
+
+    def list_seen(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the rows and columns (N,) of the ropes' pixels with depth, row by row."""
+        rows, columns = np.divmod(self.mask_pixels[self.mask_depths > 0], self.mask.shape[1])
+        return rows, columns
 
     def frame_mask(self, margin: int) -> tuple[slice, slice]:
         """Return the rows and columns at most `margin` pixels around the mask, which is not empty."""

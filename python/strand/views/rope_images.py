@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from strand.support.checks import Array
 from strand.views.box import Box
 from strand.views.cloud_images import draw_cloud, draw_ropes
-from strand.views.depth_image import DepthImage, list_pixels
+from strand.views.depth_image import DepthImage
 from strand.views.view import View
 
 
@@ -56,7 +56,7 @@ def _mark_rope_pixels(image: DepthImage, view: View, bounds: Box | None, margin:
     mask = image.mask
     if bounds is None:
         return image if mask is image.labels else replace(image, labels=mask)
-    rows, columns = list_pixels(mask & (image.depth > 0))
+    rows, columns = image.list_seen()
     outside = ~bounds.holds(image.lift(rows, columns, image.depth[rows, columns]), margin)
     mask = mask.copy()
     mask[rows[outside], columns[outside]] = False

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -408,7 +407,7 @@ def masked(view: View, image: DepthImage) -> View:
 
 def placed(view: View, pose: Array) -> View:
     """Return a view with another pose, (4, 4), camera to world."""
-    image = None if view.image is None else replace(view.image, pose=pose)
+    image = None if view.image is None else view.image.placed(pose)
     return view._change(view._points, image, pose, view.colors)
 
 

@@ -13,7 +13,7 @@ from strand.geometry.plane import Plane
 from strand.reconstruction.finding.standing import Tabletop
 from strand.reconstruction.finding.widths import measure_strip_lengths
 from strand.support.checks import Array
-from strand.views.depth_image import DepthImage, list_pixels
+from strand.views.depth_image import DepthImage
 
 _WIDE = 1.6  # radii: what has a larger half width is wider than crossing strands
 _MAX_PILE = 5.5  # radii: ropes pile up no higher
@@ -81,9 +81,12 @@ def segment_ropes(
     mask = image.mask & (near > _EDGE)
     lengths = measure_strip_lengths(replace(image, labels=mask.copy())) / radius
     numbers = _core.number_blobs(mask)
-    long = np.pad(lengths, (0, max(int(numbers.max(initial=0)) + 1 - len(lengths), 0))) >= _MIN_LENGTH
-    mask = long[numbers] & mask
-    for rows, columns in _split_blobs(mask, numbers):
+    pixels = np.flatnonzero(mask)
+    blobs = numbers.take(pixels)
+    long = np.pad(lengths, (0, max(int(blobs.max(initial=0)) + 1 - len(lengths), 0))) >= _MIN_LENGTH
+    kept = long[blobs]
+    mask.reshape(-1)[pixels] = kept
+    for rows, columns in _split_blobs(pixels[kept], blobs[kept], mask.shape[1]):
         length = float(lengths[numbers[rows[0], columns[0]]])
         height = _core.find_median(top.above[rows, columns]) / radius
         beside = bool((near[rows, columns] <= 2.0 * _EDGE).any())
@@ -108,10 +111,12 @@ def _find_things(
         return things, others
     numbers = _core.number_blobs(wide)
     # few pixels of low blobs are high
-    own, high = numbers[wide], top.above[wide] > _MAX_PILE * radius
+    pixels = np.flatnonzero(wide)
+    own, high = numbers.take(pixels), top.above.take(pixels) > _MAX_PILE * radius
     counts = np.bincount(own)
     tall = np.bincount(own[high], minlength=len(counts)) >= 0.5 * (1.0 - _TOP) * counts
-    for rows, columns in _split_blobs(wide & tall[numbers], numbers):
+    kept = tall[own]
+    for rows, columns in _split_blobs(pixels[kept], own[kept], wide.shape[1]):
         highest = float(np.quantile(top.above[rows, columns], _TOP))
         if highest > _MAX_PILE * radius:
             things[rows, columns] = True
@@ -127,15 +132,16 @@ def _find_radius_px(image: DepthImage, things: NDArray[np.bool_], radius: float)
 
 
 def _split_blobs(
-    mask: NDArray[np.bool_], numbers: NDArray[np.int64]
+    pixels: NDArray[np.intp], own: NDArray[np.int64], width: int
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Yield the rows and columns of a mask's pixels in each blob, by the blobs' numbers."""
-    pixels = np.flatnonzero(mask)
-    own = numbers.reshape(-1)[pixels]
+    """Yield the rows and columns of the pixels of each blob, in the order of the blobs' numbers.
+
+    The pixels' numbers in the image, which is so wide, and those of their blobs are given.
+    """
     order = np.argsort(own, kind="stable")
     for part in np.split(pixels[order], np.flatnonzero(np.diff(own[order])) + 1):
         if len(part):
-            yield np.divmod(part, mask.shape[1])
+            yield np.divmod(part, width)
 
 
 def _find_middle(image: DepthImage, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
@@ -146,9 +152,9 @@ def _find_middle(image: DepthImage, rows: NDArray[np.int64], columns: NDArray[np
 
 def _open_mask(image: DepthImage, radius: float) -> NDArray[np.bool_]:
     """Return the pixels in discs that fit into the mask and are wider than crossing strands."""
-    pixels = np.flatnonzero(image.mask)
+    pixels = image.mask_pixels
     with np.errstate(divide="ignore"):
-        reach = _WIDE * radius * image.camera.focal[0] / image.depth.reshape(-1)[pixels]
+        reach = _WIDE * radius * image.camera.focal[0] / image.mask_depths
     most = int(reach.max(initial=0.0, where=np.isfinite(reach))) + 2
     away = _core.measure_edge_distances(image.mask, most).reshape(-1)[pixels]
     found = np.zeros(image.mask.size, dtype=bool)
@@ -166,7 +172,7 @@ def _select_around(
     found = np.zeros_like(things)
     if not things.any():
         return found
-    rows, columns = list_pixels(image.mask & (image.depth > 0))
+    rows, columns = image.list_seen()
     plan = image.lift(rows, columns, image.depth[rows, columns]) @ table.axes
     margin = int(_BESIDE) + 1
     low, high = plan.min(axis=0), plan.max(axis=0)

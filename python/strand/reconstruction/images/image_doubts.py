@@ -18,7 +18,7 @@ from strand.reconstruction.images.other_courses import cut_over_table
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
-from strand.views.depth_image import DepthImage, list_pixels
+from strand.views.depth_image import DepthImage
 
 _ALWAYS = 0.05  # doubt of any answer: noise is wide and correlated
 _ORDER = 0.5  # doubt of an order at a crossing that depth leaves open
@@ -197,7 +197,7 @@ def _locate_uncovered(views: Sequence[DepthImage], chains: Sequence[Array], radi
     nodes = np.vstack(chains)
     farthest: tuple[float, Array | None] = _MIN_DISTANCE, None
     for view in views:
-        rows, columns = list_pixels(view.mask & (view.depth > 0))
+        rows, columns = view.list_seen()
         seen = view.project(nodes)
         pixels = np.column_stack([columns, rows, np.zeros(len(rows))])
         away = _core.find_squared_distances(pixels, np.column_stack([seen, np.zeros(len(seen))]))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -35,7 +34,7 @@ def doubt_given_radius(observed: Observed, found: Found) -> list[Doubt]:
     if radii.free or radii.held or len(radii.values) > 1 or not any(observed.masked):
         return []
     images = [
-        replace(image, pose=pose)
+        image.placed(pose)
         for image, pose, masked in zip(observed.images, found.poses, observed.masked, strict=True)
         if masked and image.mask.any()
     ]

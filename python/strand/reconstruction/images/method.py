@@ -192,14 +192,14 @@ def make_answer(read: Interpretation, observed: Observed, config: Config, run: R
             fit = cut_ends(read.images, fit, read.excess * _measure_pixel(read), radius)
         poses = correct_poses([view.pose for view in observed.views], fit.corrections)
         shown = [
-            replace(view.image, pose=pose)
+            view.image.placed(pose)
             for view, pose in zip(observed.whole, poses, strict=True)
             if view.image is not None
         ]
         fit = straighten_border_ends(read.images, fit, shown, radius)
         chains = make_chains(read.images, fit, radius, radius_sd, config)
     rivals = drop_same_courses(read.explanations, radius)
-    views = [replace(image, pose=pose) for image, pose in zip(read.taken, poses, strict=True)]
+    views = [image.placed(pose) for image, pose in zip(read.taken, poses, strict=True)]
     wider = read.wider
     if read.scatter is not None:
         wider = measure_excess(read.taken, read.images.radii, radius)

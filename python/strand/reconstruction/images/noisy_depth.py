@@ -292,7 +292,7 @@ def _try_other_courses(scene: _Scene, best: _Candidate, ropes: int | None, run: 
         return []
     images, chains, view = best.masks.images, best.one.fit.nodes, best.one.reading.view
     poses = correct_poses([image.pose for image in best.masks.taken], best.one.fit.corrections)
-    taken = [replace(image, pose=pose) for image, pose in zip(best.masks.taken, poses, strict=True)]
+    taken = [image.placed(pose) for image, pose in zip(best.masks.taken, poses, strict=True)]
     ways = []
     for swapped in list_swapped(chains, scene.radius):
         ways.append(swapped)
@@ -334,7 +334,7 @@ def _refit_in_own_view(scene: _Scene, masks: _Masks, one: Explanation) -> list[E
     """Fit an explanation again from where its view sees the ropes, and move their ends."""
     view = one.reading.view
     poses = correct_poses([image.pose for image in masks.taken], one.fit.corrections)
-    image = replace(masks.taken[view], pose=poses[view])
+    image = masks.taken[view].placed(poses[view])
     reading = replace(one.reading, chains=[image.project(nodes) for nodes in one.fit.nodes])
     again = [scene.refit(masks.images, each) for each in scene.fit(masks.images, [reading])]
     return [scene.move_ends(masks.images, each) for each in again]
