@@ -116,10 +116,8 @@ def _find_ends(chain: Chain) -> Iterator[tuple[Array, Array]]:
     """Yield the place of each end of a chain, and the unit direction in which it leaves the rope."""
     if chain.closed:
         return
-    near, far = (min(place * chain.radius, 0.5 * chain.length) for place in _HEADING)
-    for end, first, last in (
-        (0.0, near, far),
-        (chain.length, chain.length - near, chain.length - far),
-    ):
-        way = chain.at(first) - chain.at(last)
-        yield chain.at(end), way / max(float(np.linalg.norm(way)), np.finfo(float).tiny)
+    length = chain.length
+    near, far = (min(place * chain.radius, 0.5 * length) for place in _HEADING)
+    for end, first, last in chain.at([[0.0, near, far], [length, length - near, length - far]]):
+        way = first - last
+        yield end, way / max(float(np.linalg.norm(way)), np.finfo(float).tiny)

@@ -90,7 +90,7 @@ class Radii:
         """
         refuse_masks_and_units("radius", radius)
         each = np.atleast_1d(np.asarray(radius, dtype=object)).tolist()
-        values = np.unique([check_radius(one) for one in each])
+        values = np.array(sorted({check_radius(one) for one in each}))
         if not len(values):
             raise ValueError("radius: expected a number of metres or several, got none")
         known = Known() if known is None else known

@@ -96,12 +96,12 @@ def _doubt_poses(poses: Array, middle: Array, up: Array, table: Plane | None) ->
     Worlds with z along a camera's view are usual: the frame of one of the cameras, or one on the table with z
     down. The first shows in a pose, the second in a table through the origin.
     """
+    if -up @ USUAL_UP < (_UNDER_COSINE if table is None else _UNDER_LEVEL_COSINE):
+        return []
     distances = np.linalg.norm(poses[:, :3, 3] - middle, axis=1)
     turns = np.arccos(np.clip(0.5 * (np.trace(poses[:, :3, :3], axis1=1, axis2=2) - 1.0), -1.0, 1.0))
     shifts = np.linalg.norm(poses[:, :3, 3], axis=1)
     if ((turns < _MAX_RIG_TURN) & (shifts < _MAX_RIG_SHIFT * distances)).any():
-        return []
-    if -up @ USUAL_UP < (_UNDER_COSINE if table is None else _UNDER_LEVEL_COSINE):
         return []
     amount = _UNSEEN_DOUBT if table is None else _UPTURNED_DOUBT
     height = middle @ USUAL_UP if table is None else table.offset

@@ -31,6 +31,8 @@ def check_up(name: str, value: ArrayLike) -> Array:
 
     A unit vector keeps its bits, so that files keep them too.
     """
+    if value is USUAL_UP:
+        return USUAL_UP
     given = check_small_array(name, value, (3,))
     if abs(float(np.linalg.norm(given)) - 1.0) > _MAX_LENGTH_ERROR:
         given = check_direction(name, value)

@@ -64,5 +64,6 @@ def _has_points(view: View) -> bool:
     """Tell whether a view has points; those of an image without a mask need not be un-projected for that."""
     measured = view.measured
     if isinstance(measured, DepthImage) and measured.labels is None and measured.occluders is None:
-        return bool((measured.depth > 0.0).any())
+        # row by row, as one of the first rows has depth
+        return any((row > 0.0).any() for row in measured.depth)
     return len(view.points) > 0

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import strand._core as _core
-from strand.geometry.polyline import bound_polylines, interpolate, measure_gaps, path_length
+from strand.geometry.lengths import measure_lengths
+from strand.geometry.polyline import interpolate, path_length
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
@@ -87,8 +88,6 @@ class _End:
 
 def _find_ends(chains: Sequence[Array], radius: float) -> Iterator[_End]:
     """Yield the ends of long ropes, and places beyond them that no other stretch is near."""
-    boxes = bound_polylines(chains)
-    reach = (_PLACES[-1] + _MIN_OTHER_DISTANCE) * radius
     for number, nodes in enumerate(chains):
         along = path_length(nodes)
         if along[-1] < 2.0 * _OWN * radius:
@@ -97,8 +96,7 @@ def _find_ends(chains: Sequence[Array], radius: float) -> Iterator[_End]:
             back = int(np.searchsorted(from_end, _PLACES[-1] * radius))
             outward = way[0] - way[back]
             outward /= max(float(np.linalg.norm(outward)), np.finfo(float).tiny)
-            near = np.flatnonzero(measure_gaps(boxes, way[0]) <= reach).tolist()
-            others = [way[from_end > _OWN * radius], *(chains[k] for k in near if k != number)]
+            others = [way[from_end > _OWN * radius], *chains[:number], *chains[number + 1 :]]
             beyond = way[0] + radius * _PLACES[:, None] * outward
             away = _core.find_squared_distances(beyond, np.concatenate(others))
             beyond = beyond[away > (_MIN_OTHER_DISTANCE * radius) ** 2]
@@ -112,9 +110,9 @@ def _measure_heights(view: DepthImage, places: Array, along: Array, radius: floa
     Beside is at right angles to (K, 3) directions along the rope.
     """
     aside = np.cross(along, places - view.pose[:3, 3])
-    aside *= _ASIDE * radius / np.maximum(np.linalg.norm(aside, axis=1, keepdims=True), np.finfo(float).tiny)
+    aside *= _ASIDE * radius / np.maximum(measure_lengths(aside)[:, None], np.finfo(float).tiny)
     depths = _look_up_depth(view, np.vstack([places, places - aside, places + aside]))
-    middle, left, right = np.split(depths, 3)
+    middle, left, right = depths.reshape(3, -1)
     return np.asarray((0.5 * (left + right) - middle) / radius)
 
 

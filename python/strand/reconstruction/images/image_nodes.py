@@ -43,7 +43,7 @@ def make_chains(
         covariance = interpolate(share, known, covariances)
         # nodes divide the way from end to end, so they move with the ends
         along = (_END_SD * radius) ** 2 * ((1.0 - share) ** 2 + share**2)
-        covariance += np.einsum("ij,ik->ijk", along[:, None] * tangents, tangents)
+        covariance += (along[:, None] * tangents)[:, :, None] * tangents[:, None, :]
         nearest = np.rint(share * (len(counts) - 1)).astype(np.int64)
         each = np.bincount(nearest, minlength=len(counts))
         chains.append(
