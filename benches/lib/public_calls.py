@@ -122,6 +122,7 @@ CALLS: dict[str, tuple[Callable, tuple, dict]] = {
         },
     ),
     "find_extents": (_core.find_extents, (FIT, [1e-3]), {}),
+    "average_residuals": (_core.average_residuals, (FIT, 1.0), {}),
     "fit.replace": (FIT.replace, (), {"radii": np.array([0.005]), "curve": FIT.curve, "sigma": 1.0}),
     "fit.radius": (FIT.radius, (0,), {}),
     "EndObservation": (strand.EndObservation, (0, 0, (0.0, 0.0, 0.5), (1.0, 0.0, 0.0), 0.01), {}),

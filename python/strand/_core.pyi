@@ -9,22 +9,21 @@ from typing_extensions import Unpack
 
 # fmt: off
 __all__ = [
-    "EndObservation", "IcpResult", "ImageFit", "NotEnoughDataError", "RopeImages", "RopeMask",
-    "StrandError", "TubeFit", "TubeQueries", "Visibility", "__version__", "bridge", "centerline",
+    "EndObservation", "IcpResult", "ImageFit", "NotEnoughDataError", "RopeImages", "RopeMask", "StrandError",
+    "TubeFit", "TubeQueries", "Visibility", "__version__", "average_residuals", "bridge", "centerline",
     "convert_to_lab", "convolved", "copy_constant", "copy_depth", "count_cores", "count_disc_pairs",
     "count_mask_parts", "count_neighbors", "count_neighbors_each", "count_odd_pixels",
     "count_typical_neighbors", "count_voxels", "crop_images", "crop_points", "draw_knot", "draw_numbers",
-    "draw_ropes", "end_direction",
-    "estimate_normals", "estimate_normals_each", "estimate_radii", "evaluate_spline", "find_color_pieces",
-    "find_crossed_segments", "find_extents", "find_linking_number", "find_median", "find_nearest",
-    "find_order_probability", "find_overlaps", "find_pieces_beside", "find_plane", "find_short_outlines",
-    "find_squared_distances", "find_standing", "find_strip_middles", "find_tabletop", "find_values_near",
-    "fit_spline", "fit_tubes", "icp", "identify_knot", "interpolate", "measure_behind", "measure_bending",
-    "measure_depth_bends", "measure_edge_distances", "measure_heights", "measure_linear_scatter",
-    "measure_plane_errors", "measure_variances", "num_threads", "number_blobs", "occludes", "path_length",
-    "price_join", "radius_outlier_mask", "register_in_turn", "select_beside", "set_num_threads",
-    "straighten", "tabulate_arc_length", "trace_chains", "trace_skeleton", "trace_tubes", "track_frame",
-    "unproject",
+    "draw_ropes", "end_direction", "estimate_normals", "estimate_normals_each", "estimate_radii",
+    "evaluate_spline", "find_color_pieces", "find_crossed_segments", "find_extents", "find_linking_number",
+    "find_median", "find_nearest", "find_order_probability", "find_overlaps", "find_pieces_beside",
+    "find_plane", "find_short_outlines", "find_squared_distances", "find_standing", "find_strip_middles",
+    "find_tabletop", "find_values_near", "fit_spline", "fit_tubes", "icp", "identify_knot", "interpolate",
+    "measure_behind", "measure_bending", "measure_depth_bends", "measure_edge_distances", "measure_heights",
+    "measure_linear_scatter", "measure_plane_errors", "measure_variances", "num_threads", "number_blobs",
+    "occludes", "path_length", "price_join", "radius_outlier_mask", "register_in_turn", "select_beside",
+    "set_num_threads", "straighten", "tabulate_arc_length", "trace_chains", "trace_skeleton", "trace_tubes",
+    "track_frame", "unproject",
 ]
 # fmt: on
 
@@ -500,6 +499,7 @@ def fit_tubes(
 def find_extents(
     fit: TubeFit, surface_tolerance: Sequence[float] | None = None
 ) -> list[tuple[float, float] | None]: ...
+def average_residuals(fit: TubeFit, length: float) -> tuple[_Ints, _Floats, _Floats]: ...
 def estimate_radii(points: ArrayLike, viewpoint: ArrayLike, largest: float, seeds: int) -> _Floats: ...
 def fit_spline(nodes: ArrayLike, spacing: float, extension: float) -> _Floats: ...
 def evaluate_spline(control: ArrayLike, parameters: ArrayLike) -> tuple[_Floats, _Floats, _Floats]: ...

@@ -1,6 +1,7 @@
 //! Vectors, rigid motions, curves, boxes and plans.
 
 pub mod arclength;
+pub mod averages;
 pub mod banded;
 pub mod boxes;
 pub mod bridge;

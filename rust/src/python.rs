@@ -114,6 +114,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(tubes::trace_tubes, module)?)?;
     module.add_function(wrap_pyfunction!(fit::fit_tubes, module)?)?;
     module.add_function(wrap_pyfunction!(fit::find_extents, module)?)?;
+    module.add_function(wrap_pyfunction!(fit::average_residuals, module)?)?;
     module.add_function(wrap_pyfunction!(curves::fit_spline, module)?)?;
     module.add_function(wrap_pyfunction!(curves::evaluate_spline, module)?)?;
     module.add_function(wrap_pyfunction!(curves::tabulate_arc_length, module)?)?;

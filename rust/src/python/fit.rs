@@ -3,7 +3,7 @@
 mod end_observation;
 mod outcome;
 
-use numpy::{PyArray2, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
@@ -13,16 +13,21 @@ pub(super) use outcome::TubeFit;
 use super::arguments::{
     Array, FloatArray, Given, Points, count, motions, number, numbers, slices, wrong_shape,
 };
-use super::arrays::{constant, constant_list, constant_points};
+use super::arrays::{constant, constant_list, constant_points, list};
 use super::curves::checked_spline;
 use super::released::{CHEAP, released, released_if_many};
 use crate::error::Error;
+use crate::geometry::averages::average_groups;
 use crate::geometry::{Point, RigidMotion};
 use crate::parallel;
 use crate::tubes::ends::{self, OnTubes};
 use crate::tubes::tubefit::{OnCurve, Residual, Tube, TubeFitOptions, TubeView, placed};
 
 const DEFAULT: &TubeFitOptions = &TubeFitOptions::DEFAULT;
+const MAX_STRETCHES: f64 = 1e5; // of a curve
+
+/// Counts, means and mean squares.
+type StretchAverages<'py> = (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
 
 // the text signature of `fit_tubes` repeats these numbers
 const _: () = {
@@ -374,4 +379,50 @@ pub(super) fn find_extents(
         };
         ends::rope_extents(&tubes, radii.slice(), &on_tubes, surface_tolerance.as_deref())
     })??)
+}
+
+/// Average the residuals of a fit's inliers in each view along stretches of the curves.
+///
+/// Parameters
+/// ----------
+/// fit : TubeFit
+/// length : float
+///     Of a stretch, spans of the curve.
+///
+/// Returns
+/// -------
+/// count : (K,) ndarray of int64
+///     Number of points. Stretches of a curve follow each other, and curves of a view.
+/// mean, square : (K,) ndarray
+///     Mean residual, metres, and mean square; 0 without points.
+#[pyfunction]
+pub(super) fn average_residuals<'py>(
+    py: Python<'py>,
+    fit: &Bound<'py, TubeFit>,
+    length: f64,
+) -> PyResult<StretchAverages<'py>> {
+    let fit = fit.get();
+    let spans = fit.curves.iter().map(|curve| curve.bind(py).shape()[0]).max().unwrap_or(0);
+    if !(length > 0.0 && length.is_finite() && spans as f64 / length < MAX_STRETCHES) {
+        let reason = format!("length: expected spans for at most {MAX_STRETCHES} stretches, got {length}");
+        return Err(PyValueError::new_err(reason));
+    }
+    let (curves, stretches) = (fit.curves.len(), (spans as f64 / length) as usize + 1);
+    let groups = fit.motions.bind(py).shape()[0] * curves * stretches;
+    let view = Array::<i64>::exactly("view", fit.view.bind(py), 1)?;
+    let curve = Array::<i64>::exactly("curve", fit.curve.bind(py), 1)?;
+    let parameter = FloatArray::new("parameter", fit.parameter.bind(py))?;
+    let residual = FloatArray::new("residual", fit.residual.bind(py))?;
+    let inlier = Array::flags("inlier", fit.inlier.bind(py), 1)?;
+    let (count, mean, square) = released_if_many(py, view.slice().len() / CHEAP + groups, move || {
+        let number = |k: usize| {
+            let stretch = ((parameter.slice()[k] / length) as usize).min(stretches - 1);
+            let course =
+                (view.slice()[k] as usize).checked_mul(curves)?.checked_add(curve.slice()[k] as usize)?;
+            course.checked_mul(stretches)?.checked_add(stretch)
+        };
+        let inliers = (0..view.slice().len()).filter(|&k| inlier.slice()[k]);
+        average_groups(inliers.filter_map(|k| Some((number(k)?, residual.slice()[k]))), groups)
+    })?;
+    Ok((list(py, count)?, list(py, mean)?, list(py, square)?))
 }

@@ -11,7 +11,7 @@ import pytest
 
 import strand
 from shared.ropes import R
-from strand._core import EndObservation, find_extents
+from strand._core import EndObservation, average_residuals, find_extents
 from strand.geometry.curve import Curve
 
 
@@ -209,6 +209,35 @@ def fewer(fit, left_out):
         "inlier",
     ]
     return fit.replace(**{name: getattr(fit, name)[left_out:] for name in each})
+
+
+def test_residuals_are_averaged_in_each_view_along_stretches_of_the_curves():
+    control = np.stack([np.arange(6.0), np.zeros(6), np.zeros(6)], axis=1)
+    rng = np.random.default_rng(5)
+    x, angle = rng.uniform(1.0, 4.0, 600), rng.uniform(0.0, np.pi, 600)
+    points = np.stack([x, np.cos(angle), np.sin(angle)], axis=1) + rng.normal(scale=0.01, size=(600, 3))
+    fit = strand.fit_tubes(
+        [points[:400], points[400:]],
+        [[2.0, 0.0, 50.0]] * 2,
+        [control, control + np.array([0.0, 9.0, 0.0])],
+        [np.eye(4)] * 2,
+        1.0,
+        pose_sd=(0.01, 0.01),
+        reference=0,
+    )
+    own = np.flatnonzero(fit.inlier)
+    length, stretches = 0.7, int(6 / 0.7) + 1
+    group = (fit.view[own] * 2 + fit.curve[own]) * stretches + (fit.parameter[own] / length).astype(np.int64)
+    count, mean, square = average_residuals(fit, length)
+    expected = np.bincount(group, minlength=4 * stretches)
+    assert np.count_nonzero(expected) > 6
+    assert np.array_equal(count, expected)
+    for found, values in ((mean, fit.residual[own]), (square, fit.residual[own] ** 2)):
+        sums = np.bincount(group, values, minlength=4 * stretches)
+        assert np.array_equal(found, sums / np.maximum(expected, 1))
+    for bad in (0.0, -1.0, np.nan, 1e-9):
+        with pytest.raises(ValueError, match="length: expected spans"):
+            average_residuals(fit, bad)
 
 
 def test_a_fit_goes_on_from_an_earlier_one():

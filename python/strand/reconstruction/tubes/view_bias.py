@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+import strand._core as _core
 from strand._core import EndObservation, TubeFit
 from strand.reconstruction.evidence.confidence import to_normal_deviate
 from strand.reconstruction.radius import Radii, guess_radius
@@ -73,19 +74,14 @@ def _doubt_radii(fit: TubeFit, radii: Radii, views: Sequence[View]) -> Iterator[
 
 def _doubt_residuals(fit: TubeFit) -> Iterator[Doubt]:
     """Doubt fits whose residuals are correlated along stretches of rope: views disagree there."""
-    number = np.flatnonzero(fit.inlier)
-    stretch = np.floor(fit.parameter[number] / _STRETCH).astype(np.int64)
-    curves = fit.view[number] * len(fit.curves) + fit.curve[number]
-    each = curves * (int(stretch.max(initial=0)) + 1) + stretch
-    residual = fit.residual[number]
-    count = np.bincount(each)
-    mean, square = (np.bincount(each, of) / np.maximum(count, 1) for of in (residual, residual**2))
-    # part of the squared mean that the points' own scatter makes
-    chance = np.maximum(square - mean**2, 0.0) / np.maximum(count, 1)
+    count, mean, square = _core.average_residuals(fit, _STRETCH)
     enough = count >= _MIN_POINTS
     if not enough.any():
         return
-    excess = float(np.average((mean**2 - chance)[enough], weights=count[enough]))
+    count, mean, square = count[enough], mean[enough], square[enough]
+    # part of the squared mean that the points' own scatter makes
+    chance = np.maximum(square - mean**2, 0.0) / count
+    excess = float(np.average(mean**2 - chance, weights=count))
     uneven = math.sqrt(max(excess, 0.0)) / float(fit.radii.min())
     reason = f"mean residuals of views along the ropes scatter by {uneven:.2f} radii more than chance"
     yield Doubt("residuals", _RESIDUALS * max(uneven - _USUAL_SCATTER, 0.0), "where the ropes are", reason)
