@@ -45,12 +45,19 @@ class Pinhole(NamedTuple):
     def lift(self, rows: Pixels, columns: Pixels, z: Array) -> Array:
         """Return the points (..., 3) of the camera frame that pixels show at depths z, metres."""
         (fx, fy), (cx, cy) = self
-        return np.stack([(columns - cx) * z / fx, (rows - cy) * z / fy, z], axis=-1)
+        points = np.empty((*np.shape(z), 3))
+        points[..., 0] = (columns - cx) * z / fx
+        points[..., 1] = (rows - cy) * z / fy
+        points[..., 2] = z
+        return points
 
     def cast_rays(self, rows: Pixels, columns: Pixels) -> Array:
         """Return the rays (..., 3) of pixels in the camera frame, as far as a depth of one."""
         (fx, fy), (cx, cy) = self
-        return np.stack([(columns - cx) / fx, (rows - cy) / fy, np.ones(np.shape(rows))], axis=-1)
+        rays = np.ones((*np.shape(rows), 3))
+        rays[..., 0] = (columns - cx) / fx
+        rays[..., 1] = (rows - cy) / fy
+        return rays
 
     def averaged(self, side: int) -> Pinhole:
         """Return the camera of an image whose pixels are squares of `side` by `side` pixels of this one."""

@@ -100,8 +100,9 @@ def find_doubts(
         found.append(Doubt("rival", float(np.exp(-more / SCALE)), "how the ropes run", reason, place))
     for crossing, margin in fit.crossings:
         amount = _ORDER * float(np.exp(-margin / _ORDER_SCALE))
-        reason = f"depth hardly decides it (margin {margin:.1f})"
-        found.append(Doubt("order", amount, "which strand is on top", reason, np.array(crossing)))
+        if amount > MIN_DOUBT:
+            reason = f"depth hardly decides it (margin {margin:.1f})"
+            found.append(Doubt("order", amount, "which strand is on top", reason, np.array(crossing)))
     found += others
     found += _doubt_bare_stretches(chains)
     uncovered, outside = fit.misfit[:2]
@@ -199,7 +200,8 @@ def _locate_uncovered(views: Sequence[DepthImage], chains: Sequence[Array], radi
     for view in views:
         rows, columns = view.list_seen()
         seen = view.project(nodes)
-        pixels = np.column_stack([columns, rows, np.zeros(len(rows))])
+        pixels = np.zeros((len(rows), 3))
+        pixels[:, 0], pixels[:, 1] = columns, rows
         away = _core.find_squared_distances(pixels, np.column_stack([seen, np.zeros(len(seen))]))
         k = int(away.argmax())
         across = np.sqrt(away[k]) * view.distance / (radius * view.camera.focal[0])

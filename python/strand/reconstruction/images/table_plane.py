@@ -53,23 +53,25 @@ def find_table(points: Array) -> Plane | None:
     """
     if not len(points) or np.abs(points).max() > _MAX_COORDINATE:
         return None
-    found = find_largest_plane(points)
+    away = measure_lengths(points)
+    found = find_largest_plane(points, away)
     if found is None or found[1] < _MIN_TABLE_SHARE:
         return None
     plane, _ = found
-    away = measure_lengths(points)
     on_plane = np.abs(plane.measure_heights(points)) < _TABLE_WIDTH * away
     is_wide = _is_wide(np.compress(on_plane, points, axis=0), away[on_plane], plane)
     return plane if is_wide else None
 
 
-def find_largest_plane(points: Array) -> tuple[Plane, float] | None:
+def find_largest_plane(points: Array, away: Array | None = None) -> tuple[Plane, float] | None:
     """Find the plane that most of some points lie on, by RANSAC and least squares.
 
     Parameters
     ----------
     points : (N, 3) ndarray
         In the frame of the camera that saw them, metres.
+    away : (N,) ndarray, optional
+        Their distances from it, if they are known.
 
     Returns
     -------
@@ -78,9 +80,9 @@ def find_largest_plane(points: Array) -> tuple[Plane, float] | None:
     """
     if len(points) < 3:
         return None
-    width = _FIRST_WIDTH * _core.find_median(measure_lengths(points))
+    width = _FIRST_WIDTH * _core.find_median(measure_lengths(points) if away is None else away)
     count = min(_MAX_POINTS_COMPARED, len(points))
-    drawn = points[_core.draw_numbers(len(points), count + 3 * _PLANES)]
+    drawn = points.take(_core.draw_numbers(len(points), count + 3 * _PLANES), axis=0)
     compared, corners = drawn[:count], drawn[count:]
     adaptive = (_DEVIATIONS, _MIN_WIDTH / _FIRST_WIDTH * width)
     found = _core.find_plane(points, compared, corners, width, (0.0, _MIN_SINE), 0.0, _ROUNDS, 3, adaptive)
@@ -110,7 +112,7 @@ def _find_plane_beside(points: Array, image: DepthImage, radius: float) -> Plane
     """Return the plane that most of (N, 3) points lie on, to within a radius, metres; None without one."""
     if len(points) < _MIN_POINTS_BESIDE:
         return None
-    corners = points[_core.draw_numbers(len(points), 3 * _PLANES_BESIDE)]
+    corners = points.take(_core.draw_numbers(len(points), 3 * _PLANES_BESIDE), axis=0)
     found = _core.find_plane(
         points,
         points[::_EACH_BESIDE],
