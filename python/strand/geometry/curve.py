@@ -78,25 +78,28 @@ class Curve:
         return cls(points, 0.0, float(len(points) - 3))
 
     @lazy_property
-    def _table(self) -> tuple[Array, Array]:
-        """Parameters, and the arc length from the start to each; linear in between."""
-        arc = _core.tabulate_arc_length(self.control, self.start, self.stop)
-        return np.linspace(self.start, self.stop, len(arc)), arc
+    def _arcs(self) -> Array:
+        """The arc length from the start to each of evenly spaced parameters; linear in between."""
+        return _core.tabulate_arc_length(self.control, self.start, self.stop)
 
-    @property
+    @lazy_property
+    def _parameters(self) -> Array:
+        """These parameters."""
+        return np.linspace(self.start, self.stop, len(self._arcs))
+
+    @lazy_property
     def length(self) -> float:
         """Arc length, metres."""
-        return float(self._table[1][-1])
+        return float(self._arcs[-1])
 
     def parameter_at(self, s: ArrayLike) -> Array:
         """Return parameters of the spline at arc lengths `s`, metres, clamped to the ends."""
-        u, arc = self._table
-        return np.asarray(np.interp(check_numbers("s", s), arc, u))
+        return np.asarray(np.interp(check_numbers("s", s), self._arcs, self._parameters))
 
     def arc_length_at(self, parameter: ArrayLike) -> Array:
         """Return arc lengths at parameters of the spline, metres, clamped to the ends."""
-        _, arc = self._table
-        # the table is evenly spaced: no search
+        arc = self._arcs
+        # the parameters are evenly spaced: no search
         beyond = check_numbers("parameter", parameter) - self.start
         place = np.clip(beyond * ((len(arc) - 1) / (self.stop - self.start)), 0.0, len(arc) - 1)
         before = np.minimum(place.astype(np.intp), len(arc) - 2)

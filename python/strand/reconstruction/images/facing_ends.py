@@ -42,8 +42,6 @@ def doubt_facing_ends(chains: Sequence[Array], radius: float) -> Iterator[Doubt]
 def _find_heading(nodes: Array, radius: float) -> Array:
     """(3,) Return the unit direction in which a rope leaves its first node."""
     from_end = path_length(nodes)
-    first, last = (
-        np.array([np.interp(place * radius, from_end, axis) for axis in nodes.T])
-        for place in (_FROM_END, _FROM_END + _HEADING)
-    )
+    places = np.array([_FROM_END, _FROM_END + _HEADING]) * radius
+    first, last = np.stack([np.interp(places, from_end, axis) for axis in nodes.T], axis=1)
     return np.asarray((first - last) / max(float(np.linalg.norm(first - last)), np.finfo(float).tiny))

@@ -10,6 +10,7 @@ import numpy as np
 import strand._core as _core
 from strand._core import NotEnoughDataError, TubeFit
 from strand.config import Config
+from strand.geometry.lengths import measure_lengths
 from strand.reconstruction.radius import Radii, group_radii
 from strand.reconstruction.stages import Run
 from strand.reconstruction.tubes.clouds import Arcs, Clouds
@@ -134,7 +135,7 @@ def _measure_shift(clouds: Clouds, before: Array, after: Array) -> float:
     far = 0.0
     for cloud, some, other in zip(clouds.points, before, after, strict=True):
         change = other[:3] - some[:3]
-        far = max(far, float(np.linalg.norm(cloud @ change[:, :3].T + change[:, 3], axis=1).max()))
+        far = max(far, float(measure_lengths(cloud @ change[:, :3].T + change[:, 3]).max()))
     return far
 
 

@@ -151,7 +151,7 @@ def measure_noise(fit: TubeFit, cameras: Cameras, spacing: float) -> Noise:
     if not grids:
         return Noise(sd)
     step = find_depth_step(next(iter(grids.values())).depth)
-    seen = np.flatnonzero(np.isin(fit.view, list(grids)))
+    seen = np.flatnonzero(cameras.have_grids(fit.view))
     raster = _Raster.from_grids(list(grids.values()), error[seen], good[seen])
     (correlation,), count, difference = raster.correlate(1, _MAX_DIFFERENCE * sd)
     least = max(MIN_CORRELATION, _MIN_DEVIATIONS / math.sqrt(max(count, 1)))
@@ -179,7 +179,7 @@ def measure_noise(fit: TubeFit, cameras: Cameras, spacing: float) -> Noise:
 
 def measure_pixel_radius(fit: TubeFit, cameras: Cameras) -> float:
     """Return the median radius of the ropes in the images at a fit's points, pixels."""
-    seen = np.isin(fit.view, list(cameras.grids))
+    seen = cameras.have_grids(fit.view)
     scale = np.concatenate([grid.focal / grid.depth for grid in cameras.grids.values()])
     return float(np.median(fit.radii[fit.radius_classes[fit.curve[seen]]] * scale))
 

@@ -85,6 +85,10 @@ class Cameras:
                 grids[number] = grid
         return grids
 
+    def have_grids(self, views: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Tell which of (N,) views have a grid."""
+        return np.array([number in self.grids for number in range(len(self.views))])[views]
+
     def make_images(self) -> list[tuple[Array, float]]:
         """Return (H, W) depths of these cameras and the median depth of the fit's points, metres.
 
