@@ -20,18 +20,15 @@ use crate::geometry::{Point, RigidMotion, squared_distance};
 use crate::parallel::go_on;
 use crate::simd::{BATCH, LANES, kernel};
 use choice::{choose, is_same};
-use lists::List;
 use near::Near;
-use partners::Batch;
 pub use partners::Pairing;
+use partners::Task;
 use search::search;
 pub use sums::Pairs;
 use sums::{TERMS, add_pairs};
 
-/// Batches that one task works on; fixed, so that sums do not depend on the number of threads.
-const BATCHES_PER_TASK: usize = 16;
-/// Batches, at most, for which threads cost more time than they save.
-const MAX_IN_TURN: usize = 128;
+/// Stretches of tasks, at least, that a thread works on: fewer cost less than waking another thread.
+const MIN_STRETCHES: usize = 2;
 /// Lanes of a batch, at most, that are searched alone; if more need a search, all are searched.
 const MAX_ALONE: u32 = 1;
 
@@ -40,32 +37,22 @@ impl Pairing {
     pub fn pair(&mut self, pose: &RigidMotion) -> Pairs {
         self.pose = *pose;
         let origin = pose.apply(self.center);
-        let (mut batches, mut lists) = (std::mem::take(&mut self.batches), std::mem::take(&mut self.lists));
+        let (mut tasks, mut buffers) = (std::mem::take(&mut self.tasks), std::mem::take(&mut self.buffers));
+        let together = tasks.len().div_ceil(buffers.len());
+        let stretches = tasks.par_chunks_mut(together).zip(&mut buffers).with_min_len(MIN_STRETCHES);
+        stretches.for_each(|(tasks, near)| {
+            for task in tasks {
+                go_on();
+                task.sums = pair(self, task, origin, near);
+            }
+        });
         let mut sums = [0.0; TERMS];
-        let mut add = |part: [f64; TERMS]| {
-            for (sum, part) in sums.iter_mut().zip(part) {
+        for task in &tasks {
+            for (sum, part) in sums.iter_mut().zip(task.sums) {
                 *sum += part;
             }
-        };
-        if batches.len() <= MAX_IN_TURN {
-            let mut buffers = std::mem::take(&mut self.buffers);
-            let tasks = batches.chunks_mut(BATCHES_PER_TASK).zip(lists.chunks_mut(BATCHES_PER_TASK));
-            for (batches, lists) in tasks {
-                go_on();
-                add(pair(self, batches, lists, origin, &mut buffers));
-            }
-            self.buffers = buffers;
-        } else {
-            let tasks = batches.par_chunks_mut(BATCHES_PER_TASK).zip(lists.par_chunks_mut(BATCHES_PER_TASK));
-            let parts: Vec<[f64; TERMS]> = tasks
-                .map_init(Near::default, |buffers, (batches, lists)| {
-                    go_on();
-                    pair(self, batches, lists, origin, buffers)
-                })
-                .collect();
-            parts.into_iter().for_each(add);
         }
-        (self.batches, self.lists) = (batches, lists);
+        (self.tasks, self.buffers) = (tasks, buffers);
         Pairs::new(sums, origin, self.source_points)
     }
 
@@ -75,11 +62,11 @@ impl Pairing {
         term: impl Fn(Point, Point, usize) -> SMatrix<f64, R, C> + Sync,
     ) -> SMatrix<f64, R, C> {
         let parts: Vec<SMatrix<f64, R, C>> = self
-            .batches
-            .par_chunks(BATCHES_PER_TASK)
-            .map(|batches| {
+            .tasks
+            .par_iter()
+            .map(|task| {
                 let mut sum = SMatrix::zeros();
-                for batch in batches {
+                for batch in &task.batches {
                     let moved = moved_to(&batch.points, &self.pose);
                     for l in 0..batch.count {
                         let moved = moved.map(|values| values[l]);
@@ -101,18 +88,17 @@ impl Pairing {
 }
 
 kernel! {
-    /// Moves the points of some batches, finds their partners and sums over the pairs.
+    /// Moves the points of a task, finds their partners and sums over the pairs.
     fn pair<S>(
         simd,
         pairing: &Pairing,
-        batches: &mut [Batch],
-        lists: &mut [List],
+        task: &mut Task,
         origin: Point,
-        buffers: &mut Near,
+        near: &mut Near,
     ) -> [f64; TERMS] {
         let limit = pairing.reach * pairing.reach;
         let mut sums = [[0.0; LANES]; TERMS];
-        for (batch, list) in batches.iter_mut().zip(lists) {
+        for (batch, list) in task.batches.iter_mut().zip(&mut task.lists) {
             let moved = moved_to(&batch.points, &pairing.pose);
             let all = (1u32 << batch.count) - 1;
             let left = all & !is_same(simd, pairing, batch, &moved);
@@ -124,7 +110,7 @@ kernel! {
                         // then search all lanes: the others would follow soon, and cost little more now
                         (open, changed) = (all, all);
                     }
-                    search(simd, pairing, batch, list, &moved, open, buffers);
+                    search(simd, pairing, batch, list, &moved, open, near);
                 }
                 pairing.take_targets(batch, changed);
             }

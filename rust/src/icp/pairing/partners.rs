@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::lists::{LISTED, List, NONE};
 use super::near::Near;
+use super::sums::TERMS;
 use crate::geometry::{Point, RigidMotion, centroid, squared_distance};
 use crate::icp::options::IcpOptions;
 use crate::index::cells::Cells;
@@ -14,6 +15,19 @@ use crate::index::reach::reach_of;
 use crate::simd::{BATCH, Singles};
 
 const NEAR: usize = 40; // target points within a cell's width of each target point, about
+
+/// Batches that one task works on; fixed, so that sums do not depend on the number of threads.
+const BATCHES_PER_TASK: usize = 16;
+const MAX_BUFFERS: usize = 64; // buffers at most: more would not stay in the cache
+
+/// Batches that a thread pairs in turn.
+pub struct Task {
+    pub batches: Vec<Batch>,
+    /// The list of each batch.
+    pub lists: Vec<List>,
+    /// Sums over the pairs at the last pose.
+    pub sums: [f64; TERMS],
+}
 
 /// Source points near each other.
 pub struct Batch {
@@ -42,10 +56,9 @@ pub struct Pairing {
     /// The target in the order of the cells.
     pub sorted: Vec<Point>,
     tree: OnceLock<Hierarchy>,
-    pub batches: Vec<Batch>,
-    pub lists: Vec<List>,
-    /// Buffers of tasks that run in turn.
-    pub buffers: Near,
+    pub tasks: Vec<Task>,
+    /// Buffers of stretches of tasks, kept from pose to pose.
+    pub buffers: Vec<Near>,
     pub source_points: usize,
     /// The middle of the source, in its frame.
     pub center: Point,
@@ -72,39 +85,42 @@ impl Pairing {
             let index = |&position: &u32| places.input_index(position as usize) as u32;
             places.batches().iter().map(|positions| positions.iter().map(index).collect()).collect()
         };
-        let batches: Vec<Batch> = near_each_other
-            .into_iter()
-            .map(|indices| {
-                let mut points = [[0.0; BATCH]; 3];
-                for l in 0..BATCH {
-                    let x = source[*indices.get(l).unwrap_or(&indices[0]) as usize];
-                    for k in 0..3 {
-                        points[k][l] = x[k];
-                    }
+        let batch = |indices: &Vec<u32>| {
+            let mut points = [[0.0; BATCH]; 3];
+            for l in 0..BATCH {
+                let x = source[*indices.get(l).unwrap_or(&indices[0]) as usize];
+                for k in 0..3 {
+                    points[k][l] = x[k];
                 }
-                Batch {
-                    count: indices.len(),
-                    points,
-                    targets: [[f64::INFINITY; BATCH]; 3],
-                    partners: [f32::from_bits(NONE); BATCH],
-                    anchors: points,
-                    last: [[0.0; BATCH]; 3],
-                    others: [-1.0; BATCH],
-                    beyond: [-1.0; BATCH],
-                    rounding: [0.0; BATCH],
-                }
+            }
+            Batch {
+                count: indices.len(),
+                points,
+                targets: [[f64::INFINITY; BATCH]; 3],
+                partners: [f32::from_bits(NONE); BATCH],
+                anchors: points,
+                last: [[0.0; BATCH]; 3],
+                others: [-1.0; BATCH],
+                beyond: [-1.0; BATCH],
+                rounding: [0.0; BATCH],
+            }
+        };
+        let tasks: Vec<Task> = near_each_other
+            .par_chunks(BATCHES_PER_TASK)
+            .map(|some| Task {
+                batches: some.iter().map(batch).collect(),
+                lists: vec![List::EMPTY; some.len()],
+                sums: [0.0; TERMS],
             })
             .collect();
-        let lists = vec![List::EMPTY; batches.len()];
         let reach = options.max_correspondence_distance;
         let unit = 1.0 / cells.size();
         Self {
             cells,
             sorted,
             tree: OnceLock::new(),
-            batches,
-            lists,
-            buffers: Near::default(),
+            buffers: (0..tasks.len().min(MAX_BUFFERS)).map(|_| Near::default()).collect(),
+            tasks,
             source_points: source.len(),
             center: centroid(source),
             pose: options.start,
