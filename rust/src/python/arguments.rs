@@ -116,7 +116,10 @@ impl Array<bool> {
 /// Memory that a kernel needs, about, multiples of its argument. It is reserved before the work begins, because running
 /// out of memory inside Rust ends the process.
 const WORK: usize = 8;
-const LARGE: usize = 1 << 20; // smallest argument for which memory is reserved, bytes
+const LARGE: usize = 1 << 18; // smallest argument for which memory is reserved, bytes
+/// Least memory that is reserved, bytes. Once it is freed, glibc keeps twice as much between calls: else even small depth
+/// images could get all their pages anew in each call.
+const LEAST: usize = 1 << 24;
 
 /// Returns an array's numbers; None if they are not in C order.
 fn taken<T: Element + Copy + 'static, D: Dimension>(
@@ -128,7 +131,7 @@ fn taken<T: Element + Copy + 'static, D: Dimension>(
     }
     let count = array.len();
     if size_of::<T>() * count > LARGE {
-        drop(reserved::<T>(name, WORK * count)?);
+        drop(reserved::<T>(name, (WORK * count).max(LEAST / size_of::<T>()))?);
     }
     if let Some(values) = Constant::of(array) {
         return Ok(Some(Values::Constant(values)));
