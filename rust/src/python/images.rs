@@ -20,6 +20,8 @@ use checks::{Errors, check_corrections, check_fit, nodes_of, places, plane_of, s
 
 mod checks;
 
+const FAR: f64 = 0.4; // share of a first fit's steps that take votes far from the chains
+
 /// A polyline in an image, (M, 2).
 type PlacesArray<'py> = Bound<'py, PyArray2<f64>>;
 /// The view of a reading, and the columns and rows of its ropes' nodes.
@@ -218,6 +220,7 @@ impl RopeImages {
                 let lifted = imagefit::lift(&views[*reference], chains, of.radius, plane, &sensor)?;
                 let options = ImageFitOptions {
                     iterations,
+                    far: (FAR * iterations as f64).ceil() as usize,
                     reference: *reference,
                     held: Some(held),
                     pose_sd,
@@ -239,7 +242,8 @@ impl RopeImages {
         })
     }
 
-    /// Fit again from the end of a fit, with covariances; arguments as in `fit`. Return None if that fails.
+    /// Fit again from the end of a fit, by votes near it, with covariances; arguments as in `fit`. Return None if that
+    /// fails.
     #[allow(clippy::too_many_arguments)]
     fn refit(
         &self,
@@ -256,6 +260,7 @@ impl RopeImages {
         let sensor = sensor(errors);
         let options = ImageFitOptions {
             iterations,
+            far: 0,
             reference: before.reference,
             held: Some(held),
             pose_sd,

@@ -49,7 +49,7 @@ _MAX_LONGER = 4.0  # times the longest reading's length: ropes found otherwise t
 _MAX_LENGTH = 5e4  # pixels: longer ropes, and those that are farther away, are in no image
 _TINY = float(np.finfo(float).tiny)  # least positive float: keeps ratios finite
 _STEPS = 4  # steps of fits that are compared: more hardly change which is best
-_LAST_STEPS = 8  # steps of the best one's last fit
+_LAST_STEPS = 4  # steps of the best one's last fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,9 +310,15 @@ def _penalize_free_space(fit: ImageFit, visibility: Visibility, observed: Observ
 
 
 def refit(
-    images: RopeImages, fit: ImageFit, table: Plane | None, held: int, errors: Errors, config: Config
+    images: RopeImages,
+    fit: ImageFit,
+    table: Plane | None,
+    held: int,
+    errors: Errors,
+    config: Config,
+    steps: int = _LAST_STEPS,
 ) -> ImageFit:
     """Fit a hypothesis again from where its fit ended, with covariances; return the old fit if that fails."""
     poses = (config.poses.rotation_sd, config.poses.translation_sd)
-    again = images.refit(fit, table, held, poses, errors.values, _LAST_STEPS)
+    again = images.refit(fit, table, held, poses, errors.values, steps)
     return fit if again is None else again

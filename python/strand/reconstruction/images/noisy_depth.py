@@ -84,7 +84,7 @@ class _Scene:
         return [Explanation(reading, fit, 0.0) for reading, fit in pairs]
 
     def refit(self, images: RopeImages, one: Explanation) -> Explanation:
-        fit = refit(images, one.fit, self.table, self.held, self.errors, self.config)
+        fit = refit(images, one.fit, self.table, self.held, self.errors, self.config, _STEPS)
         return replace(one, fit=fit)
 
     def move_ends(self, images: RopeImages, one: Explanation) -> Explanation:

@@ -15,7 +15,6 @@ use crate::geometry::{Point, advance, dot, normalized, sub};
 const BEND: f64 = 2.0; // cost of bending, for each ∫ κ² ds with lengths in radii
 const CHANGE: f64 = 200.0; // cost of changes of bending, for each ∫ (dκ/ds)² ds with lengths in radii
 const LIMITS: [f64; 2] = [1.6, 0.9]; // limits of the mask's votes far from the solution and near it, image radii
-const FAR: f64 = 0.4; // share of the steps with the first limit
 const TABLE: f64 = 4.0; // weight of the table, for each radius of length
 const ORDER: f64 = 6.0; // weight of the order at crossings, for each radius of length
 const REST: f64 = 2.0; // weight with which a rope rests on the table, for each radius of length
@@ -32,6 +31,8 @@ const DAMPING: f64 = 1e-2; // damping of a control point's step, which keeps the
 pub struct ImageFitOptions {
     /// Gauss–Newton steps at most.
     pub iterations: usize,
+    /// The first of them that also take the mask's votes far from the chains.
+    pub far: usize,
     /// The view whose mask gives the ends of the ropes.
     pub reference: usize,
     /// The view whose pose is held; None holds all poses.
@@ -126,7 +127,7 @@ impl State<'_> {
         let blocks: Vec<usize> = self.columns.iter().map(|view| view.pose.unwrap_or(view.bias)).collect();
         while taken < most {
             crate::parallel::go_on();
-            let far = (taken as f64) < most as f64 * FAR;
+            let far = taken < self.options.far;
             let (matrix, band, border) = self.equations(LIMITS[usize::from(!far)]);
             let (step, rest) = Solver::new(matrix, &blocks)?.solve(&band, &border);
             let largest = step.iter().fold(0.0, |most: f64, x| most.max(x.abs())) / self.radius;
