@@ -21,7 +21,8 @@ _MAX_SHARE = 1.5  # of the same: the largest
 _MAX_BY_AREA = 2.0  # of the radius by a mask's widths, which raggedness makes smaller: the largest
 _MIN_WIDER = 0.25  # pixels: masks that are wider on each side than ropes are high by less are not slimmed
 _ROUNDS = 2  # measurements of the mask by the radius that the one before shows
-_SAME = 0.05  # relative change of the radius: with less it has settled
+_SAME = 0.1  # relative change of the radius: with less it has settled
+_OVER_WIDTHS = 1.12  # radius by area over the one by widths, about
 
 
 def estimate_mask_radius(image: DepthImage) -> tuple[Array, Array]:
@@ -77,15 +78,17 @@ def _measure_area(image: DepthImage, shown: float) -> tuple[float, list[Array]]:
     """Return the radius by area, metres, and the single strands. `shown` is the radius by the widths."""
     scale = image.distance / image.camera.focal[0]
     radius = shown
+    roughly = _OVER_WIDTHS * shown
     chains: list[Array] = []
     for _ in range(_ROUNDS):
-        found = image.rope_mask.measure_strands(radius / scale)
+        found = image.rope_mask.measure_strands(roughly / scale)
         if found is None:
             break
         by_area, chains = found
-        before, radius = radius, float(np.clip(by_area * scale, _MIN_SHARE * shown, _MAX_BY_AREA * shown))
-        if abs(radius / before - 1.0) < _SAME:
+        radius = float(np.clip(by_area * scale, _MIN_SHARE * shown, _MAX_BY_AREA * shown))
+        if abs(radius / roughly - 1.0) < _SAME:
             break
+        roughly = radius
     return radius, chains
 
 

@@ -118,22 +118,27 @@ pub fn find_readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize)
 
 /// Prices the reading with these chains, without its ends, kisses and gaps.
 pub fn price(silhouette: &Silhouette, chains: &[Vec<Place>]) -> f64 {
-    let bent: f64 = chains.iter().map(|c| price_course(silhouette, c)).sum();
-    bent + UNCOVERED * find_uncovered(silhouette, chains).0
+    price_beside(silhouette, chains, find_uncovered(silhouette, chains).0)
+}
+
+/// As [`price`], where the uncovered area of mask is known.
+fn price_beside(silhouette: &Silhouette, chains: &[Vec<Place>], uncovered: f64) -> f64 {
+    chains.iter().map(|c| price_course(silhouette, c)).sum::<f64>() + UNCOVERED * uncovered
 }
 
 /// Extends and refines the chains of a reading, and prices it again.
 fn settle(silhouette: &Silhouette, reading: &Reading) -> Reading {
     let mut chains = reading.chains.clone();
+    let (mut uncovered, mut bare) = find_uncovered(silhouette, &chains);
     for round in 0..2 {
-        let (_, bare) = find_uncovered(silhouette, &chains);
         let led = lead_on(silhouette, &chains, &bare);
         if round > 0 && led == chains {
             break;
         }
         chains = refined(silhouette, &led);
+        (uncovered, bare) = find_uncovered(silhouette, &chains);
     }
-    Reading { cost: reading.fixed + price(silhouette, &chains), chains, ..*reading }
+    Reading { cost: reading.fixed + price_beside(silhouette, &chains, uncovered), chains, ..*reading }
 }
 
 /// Returns the area of mask that no chain covers, squared image radii, and the middle and area of each large piece of
