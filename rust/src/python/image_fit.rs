@@ -86,6 +86,13 @@ impl ImageFit {
         [m.uncovered, m.outside, m.spilled, m.depth, m.depths, m.bend, m.change]
     }
 
+    /// (V, 3) areas of uncovered mask, of the tube's middle outside the mask, and of its sides that spill over its edge,
+    /// in each view, squared image radii.
+    #[getter]
+    fn areas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        array(py, self.fit.areas.concat(), [self.fit.areas.len(), 3])
+    }
+
     /// Crossings in the view in which it began: positions, world frame, metres, and the extra cost of the opposite
     /// order.
     #[getter]

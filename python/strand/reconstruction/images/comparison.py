@@ -38,7 +38,13 @@ _SHARP_COST = 10.0  # per radian of bend tighter than the rope's radius
 
 NODE_SPACING = 0.5  # radii between the nodes of fits
 _MAX_OUTSIDE = 2.0  # squared radii of tube outside masks: with more, ropes may bridge gaps
-_MAX_READINGS = 6  # readings of each view
+# an explanation leaves nothing open
+_CLEAR_UNCOVERED = 0.1  # squared radii of mask that no rope covers in a view: less
+_CLEAR_OUTSIDE = 1.5  # squared radii of the tube outside the mask in a view: less
+_CLEAR_BEND_CHANGE = 0.5  # integral of its squared change of curvature, 1 / radii³: less
+_CLEAR_LEAD = 4.0  # cost of the next one above the best: at least
+
+MAX_READINGS = 6  # readings of each view
 _MAX_MORE = 5.0  # cost above the best reading's: those that cost more are not fitted
 _MIN_READINGS = 2  # readings that are fitted whatever they cost
 _LOST = 7.0  # cost above the best explanation's: such a course has lost, seen from any view
@@ -97,8 +103,9 @@ def find_likely_readings(
     images: RopeImages,
     ropes: int | None,
     views: Sequence[int],
-    most: int = _MAX_READINGS,
+    most: int = MAX_READINGS,
     more: float = _MAX_MORE,
+    known: Sequence[Reading] = (),
 ) -> list[Reading]:
     """Return the readings of views that have ropes and are worth a fit, the best first.
 
@@ -114,11 +121,13 @@ def find_likely_readings(
     more : float
         Cost above the best reading's: readings that cost more are dropped, but for the best two. Where ropes
         are very long, fewer are returned.
+    known : sequence of Reading
+        Likely readings of other views, which compete with those of `views`.
     """
-    found = [Reading(*each) for each in images.find_readings(ropes, most, list(views))]
+    found = [*known, *(Reading(*each) for each in images.find_readings(ropes, most, list(views)))]
     found.sort(key=lambda reading: reading.cost)
     kept: list[Reading] = []
-    left = _MAX_FITTED * min(len(views), 2)
+    left = _MAX_FITTED * min(len({reading.view for reading in found}), 2)
     for place, reading in enumerate(found[: 2 * most]):
         left -= _sum_lengths(reading.chains) / images.radii[reading.view]
         likely = place < _MIN_READINGS or reading.cost < found[0].cost + more
@@ -202,6 +211,20 @@ def fit_and_rank(
     found = rank(first, known)
     others = [one for one in readings if one not in first and not _has_lost(one, found, images, taken)]
     return rank([*(one.reading for one in found), *others], found) if others else found
+
+
+def explain_all_views(found: Sequence[Explanation]) -> bool:
+    """Tell whether the best explanation leaves nothing open in any view, and is well ahead of the others.
+
+    Then readings of more views would hardly be better. Strands that run side by side may be exchanged without
+    a trace in the masks, but then their curvature changes much.
+    """
+    if not found or (len(found) > 1 and found[1].cost - found[0].cost < _CLEAR_LEAD):
+        return False
+    fit = found[0].fit
+    uncovered, outside, spilled = fit.areas.T
+    is_clear = uncovered.max() < _CLEAR_UNCOVERED and (outside + spilled).max() < _CLEAR_OUTSIDE
+    return bool(is_clear and fit.misfit[-1] < _CLEAR_BEND_CHANGE)
 
 
 def _has_lost(

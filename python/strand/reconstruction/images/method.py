@@ -15,8 +15,11 @@ from strand.reconstruction.images.above_table import mask_above_table
 from strand.reconstruction.images.beyond_mask import doubt_ends_beyond_masks
 from strand.reconstruction.images.border_ends import straighten_border_ends
 from strand.reconstruction.images.comparison import (
+    MAX_READINGS,
     Explanation,
+    Reading,
     choose_compared,
+    explain_all_views,
     find_likely_readings,
     fit_and_rank,
     refit,
@@ -139,19 +142,25 @@ def read_images(observed: Observed, config: Config, run: Run) -> Interpretation:
         except NotEnoughDataError as error:
             raise NotEnoughDataError(_NO_ROPE) from error
     images, taken, factor = views.images, views.taken, views.factor
-    with run.stage("readings"):
-        if run.skips("readings of all views but one"):
-            readings = find_likely_readings(images, observed.prior.ropes, [held], most=1)
-        else:
-            compared = choose_compared(len(taken), held)
-            readings = find_likely_readings(images, observed.prior.ropes, compared)
     errors = Errors(lateral=factor * Errors.lateral)
     if isinstance(config.sensor, Sensor):
         errors = convert_sensor(config.sensor, views.given, images, radius, factor)
-    with run.stage("explain"):
-        if run.skips("the comparison of readings"):
-            readings = readings[:1]
-        found = fit_and_rank(images, readings, table, held, errors, config, observed, taken)
+    one = run.skips("readings of all views but one")
+    others = [] if one else [view for view in choose_compared(len(taken), held) if view != held]
+    readings: list[Reading] = []
+    found: list[Explanation] = []
+    for seen in ([held], others):
+        # one view mostly shows how the ropes run
+        if not seen or explain_all_views(found):
+            continue
+        with run.stage("readings"):
+            readings = find_likely_readings(
+                images, observed.prior.ropes, seen, most=1 if one else MAX_READINGS, known=readings
+            )
+        with run.stage("explain"):
+            if run.skips("the comparison of readings"):
+                readings = readings[:1]
+            found = fit_and_rank(images, readings, table, held, errors, config, observed, taken, found)
     if not found:
         raise NotEnoughDataError(_NO_ROPE)
     return Interpretation(

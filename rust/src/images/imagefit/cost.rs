@@ -22,16 +22,15 @@ const MANY: usize = 64; // pixels that are looked at together
 const NOISE: f64 = 0.5; // noise that divides depth residuals, radii
 const LIMIT: f64 = 6.0; // limit of a squared depth residual over the noise
 
-/// Adds the misfit of one view.
-pub fn add_view(
+/// Measures the misfit of one view, without the curves' bending.
+pub fn measure_view(
     view: &RopeView,
     seen: &Seen,
     curves: &Curves,
     bias: f64,
     radius: f64,
     sensor: &Sensor,
-    misfit: &mut Misfit,
-) {
+) -> Misfit {
     let radius_px = view.silhouette.radius_px;
     let (covers, fills) = (COVERS.0 * radius_px + COVERS.1, FILLS.0 * radius_px - FILLS.1);
     let more = CLOSED * radius_px;
@@ -62,9 +61,9 @@ pub fn add_view(
             }
         }
     }
-    misfit.uncovered += f64::from(uncovered) / (2.0 * radius_px * radius_px);
-    misfit.outside += f64::from(outside) / (2.0 * radius_px * radius_px);
-    misfit.spilled += f64::from(spilled) / (2.0 * radius_px * radius_px);
+    let [uncovered, outside, spilled] =
+        [uncovered, outside, spilled].map(|pixels| f64::from(pixels) / (2.0 * radius_px * radius_px));
+    let mut misfit = Misfit { uncovered, outside, spilled, ..Misfit::default() };
     for i in 0..seen.image.len() {
         let observed = view.medians.at(view.silhouette, seen.image[i]);
         let e = (seen.places[i][2] - observed) / radius - sensor.surface - bias;
@@ -73,6 +72,7 @@ pub fn add_view(
             misfit.depths += STEP / sensor.correlation;
         }
     }
+    misfit
 }
 
 /// Squared distances of pixels from the axes.

@@ -44,19 +44,23 @@ pub struct ImageFit {
     pub lateral: Option<f64>,
     /// The rest that the fit does not explain.
     pub misfit: Misfit,
+    /// For each view, its areas: uncovered, outside and spilled, squared image radii.
+    pub areas: Vec<[f64; 3]>,
     /// Gauss–Newton steps taken.
     pub iterations: usize,
 }
 
 impl ImageFit {
-    /// Returns the fit of some of `count` views as one of all: the other views have no corrections.
+    /// Returns the fit of some of `count` views as one of all: the other views have no corrections and no areas.
     pub fn among(mut self, some: &[usize], count: usize) -> Self {
         let (mut corrections, mut biases) = (vec![[0.0; 6]; count], vec![0.0; count]);
-        for (&view, (correction, bias)) in some.iter().zip(self.corrections.iter().zip(&self.biases)) {
-            corrections[view] = *correction;
-            biases[view] = *bias;
+        let mut areas = vec![[0.0; 3]; count];
+        for (own, &view) in some.iter().enumerate() {
+            corrections[view] = self.corrections[own];
+            biases[view] = self.biases[own];
+            areas[view] = self.areas[own];
         }
-        (self.corrections, self.biases) = (corrections, biases);
+        (self.corrections, self.biases, self.areas) = (corrections, biases, areas);
         self
     }
 

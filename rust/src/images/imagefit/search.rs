@@ -149,7 +149,7 @@ impl State<'_> {
         } else {
             Vec::new()
         };
-        let misfit = self.misfit();
+        let (misfit, areas) = self.misfit();
         let nodes = self.curves.chains.iter().map(|chain| self.positions[chain.clone()].to_vec()).collect();
         Some(ImageFit {
             curves: self.curves.splines(),
@@ -160,6 +160,7 @@ impl State<'_> {
             depth,
             lateral,
             misfit,
+            areas,
             iterations: taken,
         })
     }
@@ -287,23 +288,25 @@ impl State<'_> {
         }
     }
 
-    fn misfit(&self) -> Misfit {
-        let mut misfit = Misfit::default();
-        for (v, view) in self.views.iter().enumerate() {
-            let seen = &self.seen[v];
-            cost::add_view(view, seen, &self.curves, self.biases[v], self.radius, self.sensor, &mut misfit);
-        }
-        let share = 1.0 / self.views.len() as f64;
+    /// Returns the misfit, and the areas of each view.
+    fn misfit(&self) -> (Misfit, Vec<[f64; 3]>) {
+        let of_view = |((view, seen), &bias): ((&RopeView, &Seen), &f64)| {
+            cost::measure_view(view, seen, &self.curves, bias, self.radius, self.sensor)
+        };
+        let found: Vec<Misfit> = self.views.iter().zip(&self.seen).zip(&self.biases).map(of_view).collect();
+        let mean = |part: fn(&Misfit) -> f64| found.iter().map(part).sum::<f64>() / found.len() as f64;
         let (bend, change) = self.curves.bending();
-        Misfit {
-            uncovered: share * misfit.uncovered,
-            outside: share * misfit.outside,
-            spilled: share * misfit.spilled,
-            depth: share * misfit.depth,
-            depths: share * misfit.depths,
+        let misfit = Misfit {
+            uncovered: mean(|m| m.uncovered),
+            outside: mean(|m| m.outside),
+            spilled: mean(|m| m.spilled),
+            depth: mean(|m| m.depth),
+            depths: mean(|m| m.depths),
             bend,
             change,
-        }
+        };
+        let areas = found.iter().map(|m| [m.uncovered, m.outside, m.spilled]).collect();
+        (misfit, areas)
     }
 
     /// Returns the covariances of the samples.
