@@ -2,6 +2,7 @@
 
 use crate::clouds::depth::has_return;
 use crate::geometry::median::{MEDIAN_TO_SD, median};
+use crate::parallel;
 use crate::simd::kernel;
 
 const SIDE: usize = 40; // side of the windows that planes are fitted to, pixels
@@ -42,8 +43,8 @@ pub fn measure_plane_errors(depth: &[f64], width: usize, near: f64) -> Vec<f64> 
         .filter(|&corner| ((0..SIDE).map(|y| count_missing(row(corner, y))).sum::<u64>() as f64) < most)
         .collect();
     let every = full.len().div_ceil(MAX_WINDOWS).max(1);
-    let mut windows: Vec<Residuals> =
-        full.iter().step_by(every).map(|&corner| fit_window(|y| row(corner, y))).collect();
+    let some: Vec<usize> = full.into_iter().step_by(every).collect();
+    let mut windows = parallel::map(&some, |&corner| fit_window(|y| row(corner, y)));
     let mut wide: Vec<f64> = windows.iter().map(|window| window.wide).collect();
     wide.sort_unstable_by(f64::total_cmp);
     let Some(last) = wide.len().checked_sub(1) else { return Vec::new() };

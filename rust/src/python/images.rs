@@ -416,10 +416,11 @@ impl Prepareds {
     fn counted(&self, fit: &imagefit::ImageFit) -> Vec<(Vec<i64>, Vec<i64>)> {
         let mut support: Vec<(Vec<i64>, Vec<i64>)> =
             fit.nodes.iter().map(|n| (vec![0; n.len()], vec![0; n.len()])).collect();
-        for ((view, prepared), correction) in self.rope_views().iter().zip(&self.views).zip(&fit.corrections)
-        {
-            let counts =
-                imagefit::count_support(view, correction, &prepared.covered, &fit.nodes, self.radius);
+        let seen: Vec<(&Prepared, &[f64; 6])> = self.views.iter().zip(&fit.corrections).collect();
+        let found = parallel::map(&seen, |(view, correction)| {
+            imagefit::count_support(&view.rope_view(), correction, &view.covered, &fit.nodes, self.radius)
+        });
+        for counts in found {
             for ((counts, views), own) in support.iter_mut().zip(counts) {
                 for ((count, views), own) in counts.iter_mut().zip(views).zip(own) {
                     *count += own;

@@ -42,6 +42,18 @@ pub struct Seen {
     grid: Grid,
     /// For each place on the edge, the last nearest sample.
     nearest: Vec<u32>,
+    votes: Vec<Vote>,
+}
+
+/// A place on the edge that votes for the axis at a sample.
+#[derive(Debug)]
+struct Vote {
+    edge: usize,
+    sample: usize,
+    /// Distance of the axis from the place that it votes for, along the edge's normal, rope's radii.
+    away: f64,
+    /// The rope's radius in the image there, pixels.
+    radius: f64,
 }
 
 /// The inputs of one view's residuals.
@@ -123,14 +135,14 @@ impl Seen {
         [fu * d[0] / z, fv * d[1] / z, -(fu * d[0] * x + fv * d[1] * y) / (z * z)]
     }
 
-    /// Adds the mask's edge, which votes for axes a radius inside. Votes farther than `limit` image radii do not count.
-    pub fn add_edge(&mut self, scene: &Scene, limit: f64, sums: &mut Sums) {
-        let silhouette = scene.view.silhouette;
+    /// Finds the samples that the mask's edge votes for: axes a radius inside. Votes farther than `limit` image radii do
+    /// not count.
+    pub fn find_votes(&mut self, view: &RopeView, curves: &Curves, limit: f64) {
+        let silhouette = view.silhouette;
         let radius_px = silhouette.radius_px;
         let reach = 2.5 * radius_px;
         self.nearest.resize(silhouette.boundary.len(), u32::MAX);
-        let unit = 1.0 / EDGE_PIXELS / ((scene.sensor.lateral / radius_px).powi(2) + ROUNDNESS * ROUNDNESS);
-        self.edge_errors.clear();
+        self.votes.clear();
         for (b, edge) in silhouette.boundary.iter().enumerate() {
             if self.nearest[b] as usize >= self.radii.len() {
                 match self.grid.nearest(edge.at, reach, None) {
@@ -151,14 +163,26 @@ impl Seen {
             let at = self.image[k];
             let e = ((vote[0] - at[0]) * normal[0] + (vote[1] - at[1]) * normal[1]) / radius;
             let along = self.directions[k][0] * normal[0] + self.directions[k][1] * normal[1];
-            let chain = &scene.curves.chains[scene.curves.numbers[k] as usize];
-            if along.abs() >= MAX_ALONG || e.abs() >= limit || k == chain.start || k + 1 == chain.end {
-                continue;
+            let chain = &curves.chains[curves.numbers[k] as usize];
+            if along.abs() < MAX_ALONG && e.abs() < limit && k != chain.start && k + 1 != chain.end {
+                self.votes.push(Vote { edge: b, sample: k, away: e, radius });
             }
-            self.edge_errors.push(e * radius);
-            let tukey = (1.0 - (e / limit).powi(2)).powi(2);
-            let d = self.by_seen(scene, k, normal.map(|n| -n / radius));
-            sums.add(k, scene.columns, &self.residual(scene, k, d, e, tukey * unit * edge.weight));
+        }
+    }
+
+    /// Adds the votes that were found with `limit`.
+    pub fn add_edge(&mut self, scene: &Scene, limit: f64, sums: &mut Sums) {
+        let silhouette = scene.view.silhouette;
+        let lateral = scene.sensor.lateral / silhouette.radius_px;
+        let unit = 1.0 / EDGE_PIXELS / (lateral.powi(2) + ROUNDNESS * ROUNDNESS);
+        self.edge_errors.clear();
+        for &Vote { edge, sample, away, radius } in &self.votes {
+            let edge = &silhouette.boundary[edge];
+            self.edge_errors.push(away * radius);
+            let tukey = (1.0 - (away / limit).powi(2)).powi(2);
+            let d = self.by_seen(scene, sample, edge.normal.map(|n| -n / radius));
+            let residual = self.residual(scene, sample, d, away, tukey * unit * edge.weight);
+            sums.add(sample, scene.columns, &residual);
         }
     }
 

@@ -1,5 +1,7 @@
 //! The fit: Gauss–Newton steps of curves, poses and biases together.
 
+use rayon::prelude::*;
+
 use super::camera::{Plane, RopeView, Sensor};
 use super::cost;
 use super::curves::Curves;
@@ -168,13 +170,16 @@ impl State<'_> {
     /// Updates the samples in the world and in all views.
     fn update(&mut self) {
         self.curves.place(&mut self.positions, &mut self.tangents);
-        for ((view, seen), correction) in self.views.iter().zip(&mut self.seen).zip(&self.corrections) {
+        let of_view = |((view, seen), correction): ((&RopeView, &mut Seen), &[f64; 6])| {
             seen.update(view, correction, &self.positions, &self.curves);
-        }
+        };
+        self.views.par_iter().zip(&mut self.seen).zip(&self.corrections).for_each(of_view);
     }
 
     /// Returns the matrix, and minus half the gradient.
     fn equations(&mut self, limit: f64) -> (Bordered, Vec<f64>, Vec<f64>) {
+        let find = |(view, seen): (&RopeView, &mut Seen)| seen.find_votes(view, &self.curves, limit);
+        self.views.par_iter().zip(&mut self.seen).for_each(find);
         let sums = &mut self.sums;
         sums.clear(self.curves.samples.len(), self.unknowns);
         for (v, view) in self.views.iter().enumerate() {
@@ -293,7 +298,8 @@ impl State<'_> {
         let of_view = |((view, seen), &bias): ((&RopeView, &Seen), &f64)| {
             cost::measure_view(view, seen, &self.curves, bias, self.radius, self.sensor)
         };
-        let found: Vec<Misfit> = self.views.iter().zip(&self.seen).zip(&self.biases).map(of_view).collect();
+        let found: Vec<Misfit> =
+            self.views.par_iter().zip(&self.seen).zip(&self.biases).map(of_view).collect();
         let mean = |part: fn(&Misfit) -> f64| found.iter().map(part).sum::<f64>() / found.len() as f64;
         let (bend, change) = self.curves.bending();
         let misfit = Misfit {

@@ -4,8 +4,10 @@ use super::camera::RopeView;
 use super::grid::Grid;
 use super::places::Place2;
 use crate::geometry::{Point, cross};
+use crate::parallel;
 
 const REACH: f64 = 1.5; // pixels farther than this from every node support none, image radii
+const PIXELS_PER_TASK: usize = 2048;
 
 /// Counts for each node the pixels nearest to it. Where ropes lie over each other, a pixel counts for the one in front.
 pub fn count_support(
@@ -24,6 +26,7 @@ pub fn count_support(
         (0..2).all(|k| p[k] >= origin[k] - side && p[k] < origin[k] + size[k] as f64 + 2.0 * side)
     };
     let mut places: Vec<Place2> = Vec::new();
+    // chain, number in it, and the part of its rank that its depth makes: a strand in front hides the one behind
     let mut nodes: Vec<(usize, usize, f64)> = Vec::new();
     for (chain, points) in chains.iter().enumerate() {
         for (i, &x) in points.iter().enumerate() {
@@ -33,29 +36,33 @@ pub fn count_support(
             let at = view.projected(y);
             if y[2] > 0.0 && is_near(at) {
                 places.push(at);
-                nodes.push((chain, i, y[2]));
+                nodes.push((chain, i, 0.5 * y[2] / radius));
             }
         }
     }
     let mut grid = Grid::default();
     grid.fill(&places, (origin, size), side);
-    for &pixel in pixels.iter().filter(|&&pixel| is_near(pixel)) {
+    let find_nearest = |&pixel: &Place2| {
         let mut best: Option<(f64, usize)> = None;
         for &(n, at) in grid.around(pixel, side).flatten() {
             let square = (at[0] - pixel[0]).powi(2) + (at[1] - pixel[1]).powi(2);
             if square >= side * side {
                 continue;
             }
-            // a strand in front hides the one behind
-            let (.., z) = nodes[n as usize];
-            let rank = square.sqrt() / radius_px + 0.5 * z / radius;
+            let rank = square.sqrt() / radius_px + nodes[n as usize].2;
             if best.is_none_or(|b| rank < b.0) {
                 best = Some((rank, n as usize));
             }
         }
-        if let Some((_, n)) = best {
-            counts[nodes[n].0][nodes[n].1] += 1;
-        }
+        best.map(|(_, n)| n)
+    };
+    let parts: Vec<&[Place2]> = pixels.chunks(PIXELS_PER_TASK).collect();
+    let found: Vec<Vec<usize>> = parallel::map(&parts, |pixels| {
+        pixels.iter().filter(|&&pixel| is_near(pixel)).filter_map(find_nearest).collect()
+    });
+    for n in found.into_iter().flatten() {
+        let (chain, i, _) = nodes[n];
+        counts[chain][i] += 1;
     }
     counts
 }
