@@ -182,7 +182,7 @@ def main() -> int:
     parser.add_argument("cases", metavar="CASE", nargs="*", help=f"of {', '.join(CASES)} (default: all)")
     parser.add_argument("--scenes", type=int, default=5, metavar="N", help="of a case, at most (default: 5)")
     parser.add_argument("--turns", type=int, default=4, metavar="N", help="of each scene (default: 4)")
-    parser.add_argument("--calls", type=int, default=2, metavar="N", help="of each turn (default: 2)")
+    parser.add_argument("--calls", type=int, default=8, metavar="N", help="of each turn (default: 8)")
     parser.add_argument("--against", type=Path, metavar="PATH", help="folder with another package `strand`")
     arguments = parser.parse_args()
     unknown = [case for case in arguments.cases if case not in CASES]
