@@ -406,31 +406,12 @@ impl RopeImages {
         fit: &ImageFit,
     ) -> PyResult<Vec<(Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<i64>>)>> {
         let (of, fit) = (self.0.clone(), fit.fit.clone());
-        let counted = released(py, move || of.counted(&fit))?;
+        let counted = released(py, move || imagefit::count_support(&of.views, &fit, of.radius))?;
         counted.into_iter().map(|(counts, views)| Ok((list(py, counts)?, list(py, views)?))).collect()
     }
 }
 
 impl Prepareds {
-    /// Counts for each rope's nodes the pixels with depth nearest to them, and the views of these.
-    fn counted(&self, fit: &imagefit::ImageFit) -> Vec<(Vec<i64>, Vec<i64>)> {
-        let mut support: Vec<(Vec<i64>, Vec<i64>)> =
-            fit.nodes.iter().map(|n| (vec![0; n.len()], vec![0; n.len()])).collect();
-        let seen: Vec<(&Prepared, &[f64; 6])> = self.views.iter().zip(&fit.corrections).collect();
-        let found = parallel::map(&seen, |(view, correction)| {
-            imagefit::count_support(&view.rope_view(), correction, &view.covered, &fit.nodes, self.radius)
-        });
-        for counts in found {
-            for ((counts, views), own) in support.iter_mut().zip(counts) {
-                for ((count, views), own) in counts.iter_mut().zip(views).zip(own) {
-                    *count += own;
-                    *views += i64::from(own > 0);
-                }
-            }
-        }
-        support
-    }
-
     /// Returns each view's depth with what it is compared with.
     fn depth_scenes<'a>(
         &'a self,

@@ -2,15 +2,38 @@
 
 use super::camera::RopeView;
 use super::grid::Grid;
+use super::outcome::ImageFit;
 use super::places::Place2;
+use super::prepared::Prepared;
 use crate::geometry::{Point, cross};
 use crate::parallel;
 
 const REACH: f64 = 1.5; // pixels farther than this from every node support none, image radii
 const PIXELS_PER_TASK: usize = 2048;
 
-/// Counts for each node the pixels nearest to it. Where ropes lie over each other, a pixel counts for the one in front.
-pub fn count_support(
+/// Counts for each rope's nodes the pixels with depth nearest to them, and the views of these.
+///
+/// Where ropes lie over each other, a pixel counts for the one in front.
+pub fn count_support(views: &[Prepared], fit: &ImageFit, radius: f64) -> Vec<(Vec<i64>, Vec<i64>)> {
+    let mut support: Vec<(Vec<i64>, Vec<i64>)> =
+        fit.nodes.iter().map(|n| (vec![0; n.len()], vec![0; n.len()])).collect();
+    let seen: Vec<(&Prepared, &[f64; 6])> = views.iter().zip(&fit.corrections).collect();
+    let found = parallel::map(&seen, |(view, correction)| {
+        count_in_view(&view.rope_view(), correction, &view.covered, &fit.nodes, radius)
+    });
+    for counts in found {
+        for ((counts, views), own) in support.iter_mut().zip(counts) {
+            for ((count, views), own) in counts.iter_mut().zip(views).zip(own) {
+                *count += own;
+                *views += i64::from(own > 0);
+            }
+        }
+    }
+    support
+}
+
+/// Counts for each node the pixels of one view nearest to it.
+fn count_in_view(
     view: &RopeView,
     correction: &[f64; 6],
     pixels: &[Place2],
