@@ -171,7 +171,6 @@ CALLS: dict[str, tuple[Callable, tuple, dict]] = {
         (TUBE, TUBE[:99], TUBE[:300], 0.01, (1e-9, 1e-3), 0.1, 2, 3, (3.0, 1e-3)),
         {},
     ),
-    "draw_numbers": (_core.draw_numbers, (9, 100), {}),
     "count_disc_pairs": (_core.count_disc_pairs, (3.5,), {}),
     "find_median": (_core.find_median, (DEPTH,), {}),
     "find_values_near": (_core.find_values_near, (DEPTH, 0.5, 4), {}),

@@ -6,7 +6,6 @@ pub mod banded;
 pub mod boxes;
 pub mod bridge;
 pub mod disc;
-pub mod draws;
 mod eigen;
 pub mod linear;
 pub mod median;

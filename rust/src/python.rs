@@ -146,7 +146,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(heights::find_plane, module)?)?;
     module.add_function(wrap_pyfunction!(heights::measure_plane_errors, module)?)?;
     module.add_function(wrap_pyfunction!(heights::find_tabletop, module)?)?;
-    module.add_function(wrap_pyfunction!(statistics::draw_numbers, module)?)?;
     module.add_function(wrap_pyfunction!(statistics::count_disc_pairs, module)?)?;
     module.add_function(wrap_pyfunction!(statistics::find_median, module)?)?;
     module.add_function(wrap_pyfunction!(statistics::find_values_near, module)?)?;

@@ -18,6 +18,7 @@ _MAX_STEP = 1.5  # factor by which a searching radius is widened
 _MANY = 100_000  # points: in views with more, neighbours are counted among some
 _ENOUGH = 200  # neighbours that are counted then at least
 _LEAST = 50  # neighbours that a point then needs at least
+_SEED = 0  # of the points that are counted
 _BESIDE = 0.25  # searching radii: points this near to some with enough neighbours have enough themselves
 
 
@@ -58,7 +59,7 @@ def _sample_points(points: Array, reach: float, config: Filter) -> Array:
         return points
     # chance decides which: of points in rows, every n-th ones may all lie on a few lines
     starts = np.arange(0, len(points) - step + 1, step)
-    chosen = starts + _core.draw_numbers(step, len(starts))
+    chosen = starts + np.random.default_rng(_SEED).integers(0, step, len(starts))
     return _core.copy_constant(points[chosen])
 
 

@@ -104,7 +104,7 @@ def _doubt_poses(poses: Array, middle: Array, up: Array, table: Plane | None) ->
     if ((turns < _MAX_RIG_TURN) & (shifts < _MAX_RIG_SHIFT * distances)).any():
         return []
     amount = _UNSEEN_DOUBT if table is None else _UPTURNED_DOUBT
-    height = middle @ USUAL_UP if table is None else table.offset
+    height = float(middle @ USUAL_UP) if table is None else table.offset
     if abs(height) < _MAX_ORIGIN_HEIGHT * _core.find_median(distances):
         amount = _DOWNWARD_DOUBT
     reason = (

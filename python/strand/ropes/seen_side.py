@@ -9,9 +9,8 @@ from strand.geometry.frames import check_direction
 from strand.geometry.plane import Plane
 from strand.support.checks import Array, check_number, check_sequence, check_small_array, freeze_array
 
-USUAL_UP = np.array([0.0, 0.0, 1.0])
-"""(3,) Up where nothing says which way it is: z of the world frame."""
-USUAL_UP.setflags(write=False)
+USUAL_UP: Array = np.frombuffer(np.array([0.0, 0.0, 1.0]).tobytes())
+"""(3,) Up where nothing says which way it is: z of the world frame. Nobody can make it writeable."""
 
 _MIN_SIDE_LENGTH = 1e-6  # of the sum of unit vectors; cameras all around give less
 _MAX_LENGTH_ERROR = 1e-12  # of a vector that counts as a unit vector

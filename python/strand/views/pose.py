@@ -146,7 +146,8 @@ def measure_motions(before: Array, after: Array, center: Array) -> Array:
     """(K, 6) Return rotation vectors, radians, and shifts of a point, metres, as (K, 4, 4) poses change."""
     motions = after @ np.linalg.inv(before)
     shifts = motions[:, :3, :3] @ center + motions[:, :3, 3] - center
-    return np.hstack([[to_rotation_vector(motion[:3, :3]) for motion in motions], shifts])
+    turns = np.array([to_rotation_vector(motion[:3, :3]) for motion in motions]).reshape(-1, 3)
+    return np.hstack([turns, shifts])
 
 
 def moved_by_each(points: Array, motions: Array) -> Array:

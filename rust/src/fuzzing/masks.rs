@@ -47,7 +47,7 @@ pub fn read_masks(mut bytes: Bytes<'_>) {
         assert!(lifted.sigma > 0.0 && lifted.sigma.is_finite());
         let options = ImageFitOptions {
             iterations: 3,
-            far: 2,
+            far: imagefit::count_far(3),
             reference: 0,
             held: Some(0),
             pose_sd: [0.01, 0.001],

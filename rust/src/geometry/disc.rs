@@ -1,5 +1,7 @@
 //! Discs of pixels.
 
+use crate::parallel::go_on;
+
 /// Returns the number of pairs of a disc's pixels at each distance in rows and columns, and the side of that square.
 ///
 /// The disc has the pixels at most `reach` from its middle one. Distances are 0, 1, ..., -2, -1.
@@ -10,6 +12,7 @@ pub fn count_disc_pairs(reach: f64) -> (Vec<f64>, usize) {
         .collect();
     let reached = 2 * whole + 1;
     let count = |down: i64, across: i64| -> i64 {
+        go_on();
         let rows = widths.iter().zip(&widths[down as usize..]);
         // rows are intervals around the middle column
         rows.map(|(&one, &other)| (one.min(other + across) - (-one).max(across - other) + 1).max(0)).sum()

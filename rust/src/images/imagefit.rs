@@ -36,5 +36,5 @@ pub use outcome::ImageFit;
 pub use places::OnChain;
 pub use prepared::Prepared;
 pub use rendering::DepthScene;
-pub use search::{ImageFitOptions, fit};
+pub use search::{ImageFitOptions, count_far, fit};
 pub use support::count_support;

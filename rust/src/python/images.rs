@@ -20,8 +20,6 @@ use checks::{Errors, check_corrections, check_fit, nodes_of, places, plane_of, s
 
 mod checks;
 
-const FAR: f64 = 0.4; // share of a first fit's steps that take votes far from the chains
-
 /// A polyline in an image, (M, 2).
 type PlacesArray<'py> = Bound<'py, PyArray2<f64>>;
 /// The view of a reading, and the columns and rows of its ropes' nodes.
@@ -220,7 +218,7 @@ impl RopeImages {
                 let lifted = imagefit::lift(&views[*reference], chains, of.radius, plane, &sensor)?;
                 let options = ImageFitOptions {
                     iterations,
-                    far: (FAR * iterations as f64).ceil() as usize,
+                    far: imagefit::count_far(iterations),
                     reference: *reference,
                     held: Some(held),
                     pose_sd,

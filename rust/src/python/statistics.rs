@@ -1,7 +1,7 @@
-//! Bindings of medians, scatter and steps of numbers, of draws, and of pairs of pixels.
+//! Bindings of medians, scatter and steps of numbers, and of pairs of pixels.
 
 use numpy::{PyArray1, PyArray2};
-use pyo3::exceptions::{PyMemoryError, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::arguments::{FloatArray, require_same_length, wrong_shape};
@@ -9,7 +9,7 @@ use super::arrays::{array, list};
 use super::released::{guarded, released_if_many};
 use crate::clouds::depth;
 use crate::geometry::median::median;
-use crate::geometry::{disc, draws, linear};
+use crate::geometry::{disc, linear};
 
 const MAX_REACH: f64 = 2000.0; // pixels
 
@@ -22,18 +22,6 @@ pub(super) fn find_median(values: &Bound<'_, PyAny>) -> PyResult<f64> {
         return Ok(f64::NAN);
     }
     guarded(move || median(values).unwrap_or(f64::NAN))
-}
-
-/// Draw whole numbers from 0 on that are below a bound, the same in every call.
-///
-/// They are those of `numpy.random.default_rng(0).integers(0, below, count)`.
-#[pyfunction]
-pub(super) fn draw_numbers(py: Python<'_>, below: u32, count: usize) -> PyResult<Bound<'_, PyArray1<i64>>> {
-    if below == 0 {
-        return Err(PyValueError::new_err("below: expected a number above 0, got 0"));
-    }
-    let drawn = released_if_many(py, count, move || draws::draw_numbers(below, count))?;
-    list(py, drawn.ok_or_else(|| PyMemoryError::new_err(format!("count: no memory for {count} numbers")))?)
 }
 
 /// Return the number of pairs of a disc's pixels at each distance in rows and columns: 0, 1, ..., -2, -1.

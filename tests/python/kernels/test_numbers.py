@@ -276,14 +276,6 @@ def test_small_answers_have_their_numbers_in_order():
         np.testing.assert_array_equal(kept, nodes)
 
 
-@pytest.mark.parametrize("below", [1, 2, 10, 4097, 3_000_000_000, 2**32 - 1])
-def test_drawn_numbers_are_those_of_numpy(below):
-    expected = np.random.default_rng(0).integers(0, below, 5000)
-    assert np.array_equal(_core.draw_numbers(below, 5000), expected)
-    with pytest.raises(ValueError, match="below: expected a number above 0"):
-        _core.draw_numbers(0, 1)
-
-
 @pytest.mark.parametrize("reach", [0.0, 1.0, 2.5, 7.0, 30.4])
 def test_pairs_of_a_discs_pixels_are_those_of_its_spectrum(reach):
     whole = int(reach)

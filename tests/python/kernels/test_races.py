@@ -208,7 +208,7 @@ def test_this_file_names_every_kernel_that_takes_arrays():
         line.split("(")[0].removeprefix("def ") for line in stub.splitlines() if line.startswith("def ")
     }
     quick = {"set_num_threads", "num_threads", "count_cores", "find_extents"}
-    quick |= {"average_residuals", "draw_numbers", "count_disc_pairs"}
+    quick |= {"average_residuals", "count_disc_pairs"}
     several = {"count_neighbors_each", "estimate_normals_each", "register_in_turn"}
     small = {"tabulate_arc_length", "end_direction", "measure_bending", "price_join", "occludes"}
     missing = {name for name in functions - quick - several - small if f"{name}(" not in RACE}

@@ -111,3 +111,10 @@ def test_the_side_of_the_cameras_is_z_where_they_are_all_around():
     )
     np.testing.assert_array_equal(find_seen_side(points, np.array([[0.0, 3, 0], [0, -1, 0]])), [0, 0, 1])
     np.testing.assert_array_equal(find_seen_side(points, np.empty((0, 3))), [0, 0, 1])
+
+
+def test_nobody_changes_the_usual_up_of_all_ropes():
+    chain = strand.Chain(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.2, 0.0, 0.0]]), radius=0.004)
+    with pytest.raises(ValueError, match="WRITEABLE"):
+        chain.up.setflags(write=True)
+    assert np.array_equal(chain.up, [0.0, 0.0, 1.0])

@@ -55,7 +55,7 @@ _MAX_LONGER = 4.0  # times the longest reading's length: ropes found otherwise t
 _MAX_LENGTH = 5e4  # pixels: longer ropes, and those that are farther away, are in no image
 _TINY = float(np.finfo(float).tiny)  # least positive float: keeps ratios finite
 _STEPS = 4  # steps of fits that are compared: more hardly change which is best
-_LAST_STEPS = 4  # steps of the best one's last fit
+LAST_STEPS = 4  # steps of the best one's last fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,15 +213,17 @@ def fit_and_rank(
     return rank([*(one.reading for one in found), *others], found) if others else found
 
 
-def explain_all_views(found: Sequence[Explanation]) -> bool:
-    """Tell whether the best explanation leaves nothing open in any view, and is well ahead of the others.
+def leaves_nothing_open(found: Sequence[Explanation], observed: Observed) -> bool:
+    """Tell whether the best explanation leaves nothing open in a compared view, and is well ahead of others.
 
     Then readings of more views would hardly be better. Strands that run side by side may be exchanged without
     a trace in the masks, but then their curvature changes much.
     """
     if not found or (len(found) > 1 and found[1].cost - found[0].cost < _CLEAR_LEAD):
         return False
-    fit = found[0].fit
+    fit, ropes = found[0].fit, observed.prior.ropes
+    if ropes not in (None, len(fit.nodes)) or penalize_lengths(fit, observed) > 0.0:
+        return False
     uncovered, outside, spilled = fit.areas.T
     is_clear = uncovered.max() < _CLEAR_UNCOVERED and (outside + spilled).max() < _CLEAR_OUTSIDE
     return bool(is_clear and fit.misfit[-1] < _CLEAR_BEND_CHANGE)
@@ -339,7 +341,7 @@ def refit(
     held: int,
     errors: Errors,
     config: Config,
-    steps: int = _LAST_STEPS,
+    steps: int = LAST_STEPS,
 ) -> ImageFit:
     """Fit a hypothesis again from where its fit ended, with covariances; return the old fit if that fails."""
     poses = (config.poses.rotation_sd, config.poses.translation_sd)

@@ -20,7 +20,7 @@ _MIN_SHARE = 0.5  # of the radius by another measure: the least radius that coun
 _MAX_SHARE = 1.5  # of the same: the largest
 _MAX_BY_AREA = 2.0  # of the radius by a mask's widths, which raggedness makes smaller: the largest
 _MIN_WIDER = 0.25  # pixels: masks that are wider on each side than ropes are high by less are not slimmed
-_ROUNDS = 2  # measurements of the mask by the radius that the one before shows
+_ROUNDS = 2  # measurements of the mask, each by the radius that was known before
 _SAME = 0.1  # relative change of the radius: with less it has settled
 _OVER_WIDTHS = 1.12  # radius by area over the one by widths, about
 

@@ -15,13 +15,14 @@ from strand.reconstruction.images.above_table import mask_above_table
 from strand.reconstruction.images.beyond_mask import doubt_ends_beyond_masks
 from strand.reconstruction.images.border_ends import straighten_border_ends
 from strand.reconstruction.images.comparison import (
+    LAST_STEPS,
     MAX_READINGS,
     Explanation,
     Reading,
     choose_compared,
-    explain_all_views,
     find_likely_readings,
     fit_and_rank,
+    leaves_nothing_open,
     refit,
 )
 from strand.reconstruction.images.facing_ends import doubt_facing_ends
@@ -56,6 +57,8 @@ from strand.views.pose import moved
 from strand.views.sensor import Sensor
 
 _MAX_ALTERNATIVES = 3  # rivals in an answer
+_LAST_STEPS_NOISY = 8  # steps of the last fit where depths scatter: ends move longer
+_OTHER_VIEWS = "readings of all views but one"
 _NO_ROPE = "views: the images show no rope with depth; is the radius right, in metres?"
 
 
@@ -145,17 +148,17 @@ def read_images(observed: Observed, config: Config, run: Run) -> Interpretation:
     errors = Errors(lateral=factor * Errors.lateral)
     if isinstance(config.sensor, Sensor):
         errors = convert_sensor(config.sensor, views.given, images, radius, factor)
-    one = run.skips("readings of all views but one")
-    others = [] if one else [view for view in choose_compared(len(taken), held) if view != held]
+    others = [view for view in choose_compared(len(taken), held) if view != held]
+    late = run.skips(_OTHER_VIEWS)
     readings: list[Reading] = []
     found: list[Explanation] = []
     for seen in ([held], others):
         # one view mostly shows how the ropes run
-        if not seen or explain_all_views(found):
+        if not seen or leaves_nothing_open(found, observed) or (found and run.skips(_OTHER_VIEWS)):
             continue
         with run.stage("readings"):
             readings = find_likely_readings(
-                images, observed.prior.ropes, seen, most=1 if one else MAX_READINGS, known=readings
+                images, observed.prior.ropes, seen, most=1 if late else MAX_READINGS, known=readings
             )
         with run.stage("explain"):
             if run.skips("the comparison of readings"):
@@ -187,7 +190,8 @@ def make_answer(read: Interpretation, observed: Observed, config: Config, run: R
         errors = measured
         if isinstance(config.sensor, Sensor):
             errors = replace(read.errors, lateral=read.factor * config.sensor.lateral or measured.lateral)
-        fit = refit(read.images, best.fit, read.table, read.held, errors, config)
+        steps = LAST_STEPS if read.scatter is None else _LAST_STEPS_NOISY
+        fit = refit(read.images, best.fit, read.table, read.held, errors, config, steps)
         if (
             read.scatter is not None
             and read.table is not None

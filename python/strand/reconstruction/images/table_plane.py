@@ -12,6 +12,7 @@ from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 
 # a plane among all points
+_SEED = 0  # of the draws of three points that planes are tried through
 _MAX_POINTS_COMPARED = 3000  # points that planes are compared with
 _PLANES = 300  # planes that are tried
 _MIN_SINE = 1e-6  # between edges of three points: with less they lie on a line
@@ -82,7 +83,8 @@ def find_largest_plane(points: Array, away: Array | None = None) -> tuple[Plane,
         return None
     width = _FIRST_WIDTH * _core.find_median(measure_lengths(points) if away is None else away)
     count = min(_MAX_POINTS_COMPARED, len(points))
-    drawn = points.take(_core.draw_numbers(len(points), count + 3 * _PLANES), axis=0)
+    numbers = np.random.default_rng(_SEED).integers(0, len(points), count + 3 * _PLANES)
+    drawn = points.take(numbers, axis=0)
     compared, corners = drawn[:count], drawn[count:]
     adaptive = (_DEVIATIONS, _MIN_WIDTH / _FIRST_WIDTH * width)
     found = _core.find_plane(points, compared, corners, width, (0.0, _MIN_SINE), 0.0, _ROUNDS, 3, adaptive)
@@ -112,7 +114,8 @@ def _find_plane_beside(points: Array, image: DepthImage, radius: float) -> Plane
     """Return the plane that most of (N, 3) points lie on, to within a radius, metres; None without one."""
     if len(points) < _MIN_POINTS_BESIDE:
         return None
-    corners = points.take(_core.draw_numbers(len(points), 3 * _PLANES_BESIDE), axis=0)
+    numbers = np.random.default_rng(_SEED).integers(0, len(points), 3 * _PLANES_BESIDE)
+    corners = points.take(numbers, axis=0)
     found = _core.find_plane(
         points,
         points[::_EACH_BESIDE],

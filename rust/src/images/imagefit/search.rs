@@ -17,6 +17,7 @@ use crate::geometry::{Point, advance, dot, normalized, sub};
 const BEND: f64 = 2.0; // cost of bending, for each ∫ κ² ds with lengths in radii
 const CHANGE: f64 = 200.0; // cost of changes of bending, for each ∫ (dκ/ds)² ds with lengths in radii
 const LIMITS: [f64; 2] = [1.6, 0.9]; // limits of the mask's votes far from the solution and near it, image radii
+const FAR: f64 = 0.4; // share of a first fit's steps with the first limit
 const TABLE: f64 = 4.0; // weight of the table, for each radius of length
 const ORDER: f64 = 6.0; // weight of the order at crossings, for each radius of length
 const REST: f64 = 2.0; // weight with which a rope rests on the table, for each radius of length
@@ -33,7 +34,7 @@ const DAMPING: f64 = 1e-2; // damping of a control point's step, which keeps the
 pub struct ImageFitOptions {
     /// Gauss–Newton steps at most.
     pub iterations: usize,
-    /// The first of them that also take the mask's votes far from the chains.
+    /// The first of them that also take the mask's votes far from the chains; see [`count_far`].
     pub far: usize,
     /// The view whose mask gives the ends of the ropes.
     pub reference: usize,
@@ -45,6 +46,11 @@ pub struct ImageFitOptions {
     pub noise: f64,
     /// Whether to compute covariances.
     pub uncertainty: bool,
+}
+
+/// Returns how many steps of a first fit also take votes far from the chains.
+pub fn count_far(iterations: usize) -> usize {
+    (FAR * iterations as f64).ceil() as usize
 }
 
 /// Fits curves to the views, starting with chains in space.

@@ -109,7 +109,7 @@ const TABLE: Plane = Plane { normal: [0.0, 0.0, 1.0], offset: 0.0 };
 fn options(noise: f64) -> ImageFitOptions {
     ImageFitOptions {
         iterations: 10,
-        far: 4,
+        far: count_far(10),
         reference: 0,
         held: Some(0),
         pose_sd: [0.01, 2e-3],

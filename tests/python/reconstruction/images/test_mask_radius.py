@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -85,3 +86,32 @@ def test_an_unknown_radius_of_masked_ropes_is_estimated_and_warned_of():
     assert model.chains[0].radius == pytest.approx(made.radius, rel=0.2)
     assert model.chains[0].radius_sd > 0.0
     assert "radius" in {warning.kind for warning in model.warnings}
+
+
+@pytest.mark.parametrize(("shown", "asked"), [(1.0, [1.12]), (0.75, [0.84, 1.12]), (1.4, [1.568, 1.12])])
+def test_a_guess_that_is_far_off_is_measured_again(shown, asked):
+    widths = []
+
+    def measure_strands(radius_px):
+        widths.append(radius_px)
+        return 11.2, []
+
+    image = SimpleNamespace(
+        distance=0.5,
+        camera=SimpleNamespace(focal=(500.0, 500.0)),
+        rope_mask=SimpleNamespace(measure_strands=measure_strands),
+    )
+    radius, _ = mask_radius._measure_area(image, 0.01 * shown)
+    assert radius == pytest.approx(0.0112)
+    assert widths == pytest.approx(10.0 * np.array(asked))
+
+
+def test_the_radius_hardly_depends_on_the_first_guess(monkeypatch):
+    made = scene("loop", seed=3, radius=0.004, views=1, camera=Camera("d435"), mask=Segmentation())
+    (image,) = make_rope_images(made.views, made.views, None)
+    found = []
+    for guess in (0.9, 1.12, 1.4):
+        monkeypatch.setattr(mask_radius, "_OVER_WIDTHS", guess)
+        found.append(estimate_mask_radius(image)[0][0])
+    assert found == pytest.approx([0.004] * 3, rel=0.1)
+    assert found[::2] == pytest.approx([found[1]] * 2, rel=0.02)
