@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +28,7 @@ from strand.support.checks import (
     freeze_array,
     to_array,
 )
+from strand.support.copies import copy_fields_with
 from strand.support.lazy import lazy_property
 
 if TYPE_CHECKING:
@@ -178,15 +179,10 @@ class Line:
 
     def reversed(self) -> Self:
         """Return the same rope with its nodes in the other order; nothing is checked again."""
-        made = object.__new__(type(self))
-        made.__dict__.update({entry.name: getattr(self, entry.name) for entry in fields(self)})
-        for name in ("points", *_NODE_VALUES):
-            row = getattr(self, name)
-            if row is not None:
-                made.__dict__[name] = freeze_array(row[::-1])
-        if self.curve is not None:
-            made.__dict__["curve"] = self.curve.reversed()
-        return made
+        rows = {name: getattr(self, name) for name in ("points", *_NODE_VALUES)}
+        turned = {name: freeze_array(row[::-1]) for name, row in rows.items() if row is not None}
+        curve = None if self.curve is None else self.curve.reversed()
+        return copy_fields_with(self, curve=curve, **turned)
 
     def tube(self, sides: int = 16) -> tuple[Array, NDArray[np.int32]]:
         """Return the rope's surface as a closed triangle mesh.

@@ -54,7 +54,8 @@ def find_hand_eye_error(observed: Observed, found: Found, prior: Poses) -> HandE
     center = np.concatenate([chain.points for chain in found.chains]).mean(axis=0)
     expected = np.repeat([prior.rotation_sd, prior.translation_sd], 3)
     others = [k for k in range(count) if k != held]
-    moved = measure_motions(np.array(reported)[others], np.array(found.poses)[others], center)
+    motions = np.array(found.poses)[others] @ np.linalg.inv(np.array(reported)[others])
+    moved = measure_motions(motions, center)
     surprise = sum(((moved / expected) ** 2).sum(axis=1).tolist())
     if to_normal_deviate(surprise, _POSE_FREEDOM * len(others)) <= _MIN_DEVIATE:
         return None

@@ -68,8 +68,8 @@ def _doubt_poses(views: Sequence[View], found: Found, prior: Poses) -> Iterator[
     nodes = np.concatenate([chain.points for chain in found.chains])
     middle, radius = nodes.mean(axis=0), min(chain.radius for chain in found.chains)
     reported = np.array([views[number].pose for number in others])
-    registered = np.array([found.poses[number] for number in others])
-    changes = measure_motions(reported, registered, middle)
+    motions = np.array([found.poses[number] for number in others]) @ np.linalg.inv(reported)
+    changes = measure_motions(motions, middle)
     rotated, shifted = ((of**2).sum(axis=1) for of in (changes[:, :3], changes[:, 3:]))
     squares = rotated / prior.rotation_sd**2 + shifted / prior.translation_sd**2
     rare = max(
@@ -80,7 +80,6 @@ def _doubt_poses(views: Sequence[View], found: Found, prior: Poses) -> Iterator[
     if rare <= _MIN_DEVIATE:
         return
     # |(R - 1) x + t|
-    motions = registered @ np.linalg.inv(reported)
     away = nodes @ (motions[:, :3, :3] - np.eye(3)).transpose(0, 2, 1) + motions[:, None, :3, 3]
     far = math.sqrt(float((away**2).sum(axis=2).max()))
     # an error that is small against the ropes leaves the answer right

@@ -142,9 +142,8 @@ def to_rotation_vector(rotation: Array) -> Array:
     return 0.5 * axis * (angle / sine if sine > 0.0 else 1.0)
 
 
-def measure_motions(before: Array, after: Array, center: Array) -> Array:
-    """(K, 6) Return rotation vectors, radians, and shifts of a point, metres, as (K, 4, 4) poses change."""
-    motions = after @ np.linalg.inv(before)
+def measure_motions(motions: Array, center: Array) -> Array:
+    """(K, 6) Return rotation vectors, radians, and shifts of a point, metres, by (K, 4, 4) rigid motions."""
     shifts = motions[:, :3, :3] @ center + motions[:, :3, 3] - center
     turns = np.array([to_rotation_vector(motion[:3, :3]) for motion in motions]).reshape(-1, 3)
     return np.hstack([turns, shifts])

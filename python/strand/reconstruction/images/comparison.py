@@ -56,6 +56,7 @@ _MAX_LENGTH = 5e4  # pixels: longer ropes, and those that are farther away, are 
 _TINY = float(np.finfo(float).tiny)  # least positive float: keeps ratios finite
 _STEPS = 4  # steps of fits that are compared: more hardly change which is best
 LAST_STEPS = 4  # steps of the best one's last fit
+NOISY_STEPS = 8  # steps of each fit where depths scatter: ends move longer in wide noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -341,7 +342,7 @@ def refit(
     held: int,
     errors: Errors,
     config: Config,
-    steps: int = LAST_STEPS,
+    steps: int,
 ) -> ImageFit:
     """Fit a hypothesis again from where its fit ended, with covariances; return the old fit if that fails."""
     poses = (config.poses.rotation_sd, config.poses.translation_sd)

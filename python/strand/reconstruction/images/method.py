@@ -17,6 +17,7 @@ from strand.reconstruction.images.border_ends import straighten_border_ends
 from strand.reconstruction.images.comparison import (
     LAST_STEPS,
     MAX_READINGS,
+    NOISY_STEPS,
     Explanation,
     Reading,
     choose_compared,
@@ -57,7 +58,6 @@ from strand.views.pose import moved
 from strand.views.sensor import Sensor
 
 _MAX_ALTERNATIVES = 3  # rivals in an answer
-_LAST_STEPS_NOISY = 8  # steps of the last fit where depths scatter: ends move longer
 _OTHER_VIEWS = "readings of all views but one"
 _NO_ROPE = "views: the images show no rope with depth; is the radius right, in metres?"
 
@@ -190,7 +190,7 @@ def make_answer(read: Interpretation, observed: Observed, config: Config, run: R
         errors = measured
         if isinstance(config.sensor, Sensor):
             errors = replace(read.errors, lateral=read.factor * config.sensor.lateral or measured.lateral)
-        steps = LAST_STEPS if read.scatter is None else _LAST_STEPS_NOISY
+        steps = LAST_STEPS if read.scatter is None else NOISY_STEPS
         fit = refit(read.images, best.fit, read.table, read.held, errors, config, steps)
         if (
             read.scatter is not None

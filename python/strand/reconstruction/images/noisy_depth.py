@@ -19,6 +19,7 @@ from strand.reconstruction.images.above_table import mask_above_table
 from strand.reconstruction.images.along_ropes import average_along_ropes
 from strand.reconstruction.images.comparison import (
     NODE_SPACING,
+    NOISY_STEPS,
     ROPE_COST,
     Explanation,
     Reading,
@@ -47,7 +48,6 @@ _MAX_VIEWS = 3  # views that are read
 _MAX_READINGS = 8  # readings of each view
 _MAX_MORE = 40.0  # cost above the best reading's: those that cost more are not fitted
 _MIN_LENGTH = 5.0  # radii: shorter ropes are noise
-_STEPS = 8  # steps of a fit: ends move longer in wide noise
 _MAX_REFITS = 10  # explanations that are fitted again
 _MAX_MOVED = 4  # explanations whose ends are moved
 _ROUNDS = 2  # moves of the ends of one explanation, and searches for other courses
@@ -80,11 +80,13 @@ class _Scene:
         return images.measure_depth_gains(ropes, self.table, self.noise)
 
     def fit(self, images: RopeImages, readings: Sequence[Reading]) -> list[Explanation]:
-        pairs = fit_readings(images, readings, self.table, self.held, self.errors, self.config, steps=_STEPS)
+        pairs = fit_readings(
+            images, readings, self.table, self.held, self.errors, self.config, steps=NOISY_STEPS
+        )
         return [Explanation(reading, fit, 0.0) for reading, fit in pairs]
 
     def refit(self, images: RopeImages, one: Explanation) -> Explanation:
-        fit = refit(images, one.fit, self.table, self.held, self.errors, self.config, _STEPS)
+        fit = refit(images, one.fit, self.table, self.held, self.errors, self.config, NOISY_STEPS)
         return replace(one, fit=fit)
 
     def move_ends(self, images: RopeImages, one: Explanation) -> Explanation:

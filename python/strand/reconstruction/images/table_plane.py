@@ -11,8 +11,9 @@ from strand.geometry.plane import Plane
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 
-# a plane among all points
 _SEED = 0  # of the draws of three points that planes are tried through
+
+# a plane among all points
 _MAX_POINTS_COMPARED = 3000  # points that planes are compared with
 _PLANES = 300  # planes that are tried
 _MIN_SINE = 1e-6  # between edges of three points: with less they lie on a line

@@ -108,9 +108,9 @@ def _observe_end(
     inside, tangents, _ = part.at(np.clip(stretch, 0.0, part.length))
     outward = tangents[0] if late else -tangents[0]
     others = _find_other_axes(scene.axes, number, inside)
-    ahead = moved_by_each(inside[:1] + _AHEAD * r * np.outer([0, 1], outward), scene.backwards)
     outside: list[int] = []
     if scene.bounds is not None:
+        ahead = moved_by_each(inside[:1] + _AHEAD * r * np.outer([0, 1], outward), scene.backwards)
         outside = np.flatnonzero(~scene.bounds.holds(ahead).all(axis=1)).tolist()
     seen = []
     for view, camera in enumerate(scene.cameras):
