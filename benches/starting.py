@@ -8,6 +8,7 @@ table has the quickest run: wall time and, for commands, processor time.
 
 from __future__ import annotations
 
+import os
 import resource
 import subprocess
 import sys
@@ -21,17 +22,23 @@ IMPORTS = ("import strand", "from strand import reconstruct", "from strand impor
 COMMANDS = (("--version",), ("info", str(DATA / "scenes" / "paper_mid.npz")), ("reconstruct", "--help"))
 
 
+# Python compiles changed modules in each run if it may not keep them, unlike in an installation of users
+ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+
+
 def time_import(statement: str) -> float:
     """Return the seconds of a statement in a new process that has imported NumPy."""
     clock = "time.perf_counter()"
     program = f"import time, numpy\nstart = {clock}\n{statement}\nprint({clock} - start)"
-    return float(subprocess.run([sys.executable, "-c", program], capture_output=True, check=True).stdout)
+    command = [sys.executable, "-c", program]
+    return float(subprocess.run(command, env=ENVIRONMENT, capture_output=True, check=True).stdout)
 
 
 def time_command(words: tuple[str, ...]) -> tuple[float, float]:
     """Return the wall time and the processor time of a command in seconds."""
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    subprocess.run([sys.executable, "-m", "strand", *words], capture_output=True, check=True)
+    command = [sys.executable, "-m", "strand", *words]
+    subprocess.run(command, env=ENVIRONMENT, capture_output=True, check=True)
     wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
     return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 

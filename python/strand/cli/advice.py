@@ -9,7 +9,6 @@ from pathlib import Path
 
 from strand.io.file_contents import Contents, SceneContents, SingleContents
 from strand.io.recordings.recording_contents import RecordingContents
-from strand.ropes.model import Model
 
 
 @dataclass(frozen=True)
@@ -42,8 +41,6 @@ def advise(path: Path, contents: Contents, topics_given: bool = False) -> Advice
     `topics_given` says whether the user chose the topics of a recording.
     """
     match contents:
-        case Model():
-            return Advice(None, (), {"refused": "it is a model, which strand.load_model() reads"})
         case SceneContents(views=views) if not any(view.points for view in views):
             return _EMPTY
         case SingleContents(view=view) if not view.points:
@@ -54,6 +51,8 @@ def advise(path: Path, contents: Contents, topics_given: bool = False) -> Advice
             return _advise_single(path, contents)
         case RecordingContents():
             return _advise_recording(path, contents, topics_given)
+        case _:
+            return Advice(None, (), {"refused": "it is a model, which strand.load_model() reads"})
 
 
 def _advise_scene(path: Path, scene: SceneContents) -> Advice:

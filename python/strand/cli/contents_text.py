@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,11 +18,11 @@ from strand.cli.terminal import escape_unprintable
 from strand.io.file_contents import Contents, SceneContents, SingleContents
 from strand.io.recordings.recording_contents import CameraContents, RecordingContents
 from strand.io.view_summary import ViewSummary
-from strand.report import tables
-from strand.ropes.model import VERSION, Model
-from strand.ropes.summary import format_confidence
 from strand.support.checks import Array
 from strand.views.box import format_point
+
+if TYPE_CHECKING:
+    from strand.ropes.model import Model
 
 _LABEL_COLUMNS = 12  # columns of the labels
 _DEFAULT_COLUMNS = 80  # columns of an output whose width is not known
@@ -50,14 +51,14 @@ class Row:
 def describe_contents(path: Path, contents: Contents, advice: Advice) -> str:
     """Return the text about a file: its contents, what is missing, and the advice."""
     match contents:
-        case Model():
-            rows = _describe_model(contents)
         case RecordingContents():
             rows = _describe_recording(contents)
         case SceneContents():
             rows = _describe_scene(contents)
         case SingleContents():
             rows = _describe_single(contents)
+        case _:
+            rows = _describe_model(contents)
     if advice.missing:
         rows.append(Row("missing", ", ".join(advice.missing)))
     columns = shutil.get_terminal_size((_DEFAULT_COLUMNS, 24)).columns
@@ -71,28 +72,30 @@ def describe_contents(path: Path, contents: Contents, advice: Advice) -> str:
 def name_kind(contents: Contents) -> str:
     """Return "model", "recording", "scene", "points" or "depth image"."""
     match contents:
-        case Model():
-            return "model"
         case RecordingContents():
             return "recording"
         case SceneContents():
             return "scene"
         case SingleContents():
             return contents.view.kind
+        case _:
+            return "model"
 
 
 def name_format(path: Path, contents: Contents) -> str:
     """Return the file's format in words."""
     suffix = path.suffix[1:].upper()
     match contents:
-        case Model():
-            return f"version {VERSION}"
         case RecordingContents():
             return contents.format
         case SceneContents():
             return "NPZ archive" if suffix == "NPZ" else "folder with a scene.toml"
         case SingleContents():
             return f"{suffix} file"
+        case _:
+            from strand.ropes.model import VERSION
+
+            return f"version {VERSION}"
 
 
 def _format_row(row: Row, columns: int) -> str:
@@ -111,6 +114,10 @@ def _label_first(label: str, rows: list[Row]) -> list[Row]:
 
 
 def _describe_model(model: Model) -> list[Row]:
+    # these import the model's modules, which take longer than all that other files need
+    from strand.report import tables
+    from strand.ropes.summary import format_confidence
+
     table = tables.describe_chains(model).splitlines() if model.chains else ["none"]
     return [
         Row("method", model.method or "not known"),

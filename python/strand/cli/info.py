@@ -6,7 +6,7 @@ import argparse
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from strand.cli import values
 from strand.cli.advice import Advice, advise
@@ -15,9 +15,12 @@ from strand.cli.exit_codes import report_error
 from strand.cli.options import add_limits
 from strand.cli.progress import show_progress
 from strand.cli.terminal import flush_before_message
-from strand.io.file_contents import Contents, read_contents
-from strand.ropes.model import Model
+from strand.io.file_contents import Contents, SceneContents, SingleContents, read_contents
+from strand.io.recordings.recording_contents import RecordingContents
 from strand.support.files import convert_to_json
+
+if TYPE_CHECKING:
+    from strand.ropes.model import Model
 
 DESCRIPTION = """\
 Show what scenes, recordings, point clouds, depth images and models hold, what
@@ -68,13 +71,16 @@ def run(options: argparse.Namespace) -> int:
 
 def _convert_contents(path: Path, contents: Contents, advice: Advice) -> dict[str, object]:
     """Return a file's contents and the advice in JSON's types."""
+    match contents:
+        case RecordingContents() | SceneContents() | SingleContents():
+            holds = _replace_infinite(convert_to_json(contents))
+        case _:
+            holds = _convert_model(contents)
     return {
         "file": str(path),
         "kind": name_kind(contents),
         "format": name_format(path, contents),
-        "holds": _convert_model(contents)
-        if isinstance(contents, Model)
-        else _replace_infinite(convert_to_json(contents)),
+        "holds": holds,
         "missing": list(advice.missing),
         "reconstruct": {"command": advice.command, "plan": advice.plan},
     }

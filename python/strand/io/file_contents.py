@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from strand.io.budget import Budget
 from strand.io.lerobot.layout import is_data_set
-from strand.io.models import load_model
 from strand.io.point_cloud import PointCloud
 from strand.io.recordings.bags import is_bag
 from strand.io.recordings.data_set_contents import read_data_set_contents
@@ -21,11 +21,13 @@ from strand.io.recordings.recording_contents import RecordingContents, read_reco
 from strand.io.scenes import load_scene
 from strand.io.view_files import SUFFIXES, read_view_file
 from strand.io.view_summary import ViewSummary, summarize_view
-from strand.ropes.model import Model
 from strand.support.checks import Array, check_integer
 from strand.support.files import JSON_BYTES, FileFormatError
 from strand.views.box import Box, make_box
 from strand.views.view import View, cropped
+
+if TYPE_CHECKING:
+    from strand.ropes.model import Model
 
 _MAX_ENTRIES = 10_000  # entries of a folder that are counted
 
@@ -75,7 +77,7 @@ class SingleContents:
     viewpoint: Array | None
 
 
-Contents = SceneContents | SingleContents | RecordingContents | Model
+Contents: TypeAlias = "SceneContents | SingleContents | RecordingContents | Model"
 
 
 def read_contents(
@@ -95,6 +97,8 @@ def read_contents(
         raise ValueError(f"topics: only recordings have topics, and {path} is not a recording")
     suffix = path.suffix.lower()
     if suffix == ".json" and not path.is_dir():
+        from strand.io.models import load_model  # a model's modules take a quarter of `strand info`'s time
+
         return load_model(path, max_bytes=min(max_bytes, JSON_BYTES))
     if suffix in SUFFIXES and not path.is_dir():
         return _read_single_contents(path, max_bytes)
