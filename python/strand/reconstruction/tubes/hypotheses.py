@@ -20,6 +20,7 @@ from strand.reconstruction.tubes.join_costs import JoinCosts, price_bridges, pri
 from strand.reconstruction.tubes.matching import join_most, join_until, list_free_ends, match_ends
 from strand.reconstruction.tubes.scores import price_contradictions, price_explanation
 from strand.support.checks import Array
+from strand.support.lazy import lazy_property
 
 _CUT_BACK = (2.5, 6.0)  # radii: ends are cut back this far where arcs run into each other
 _OBVIOUS_COST = 1.25  # cost of each end up to which a join is obvious
@@ -47,6 +48,8 @@ class Hypothesis:
         Cost of all joins and free ends.
     dropped : tuple of (K, 3) ndarray
         Nodes of the ropes that are too short, metres.
+    radius : float
+        Of the ropes, metres.
     """
 
     costs: JoinCosts
@@ -54,26 +57,31 @@ class Hypothesis:
     chains: Chains
     matching_cost: float
     dropped: tuple[Array, ...]
+    radius: float
 
 
 @dataclass(frozen=True, eq=False)
 class ScoredHypothesis:
-    """A hypothesis with its fit.
+    """A hypothesis and what it costs.
 
     Attributes
     ----------
     hypothesis : Hypothesis
-    fit : TubeFit
-    cost : float
-        Price of the explanation in radii of rope, of different colours at joins, and `contradiction`.
+    price : callable
+        Fits the hypothesis; returns the price of the explanation in radii of rope, and of different colours
+        at joins.
     contradiction : float
         Price of contradictions to the known facts about the ropes.
     """
 
     hypothesis: Hypothesis
-    fit: TubeFit
-    cost: float
+    price: Callable[[], float]
     contradiction: float
+
+    @lazy_property
+    def cost(self) -> float:
+        """The sum of both prices; a hypothesis without rivals need not be fitted."""
+        return self.price() + self.contradiction
 
 
 def make_hypothesis(
@@ -118,7 +126,7 @@ def make_hypothesis(
         made = chain_arcs_to_length(arcs, joins, evidence)
     chains = [chain for chain in made if is_long_enough(chain)]
     dropped = tuple(chain[0] for chain in made if not is_long_enough(chain))
-    return Hypothesis(costs, tuple(joins), chains, cost, dropped) if chains else None
+    return Hypothesis(costs, tuple(joins), chains, cost, dropped, radius) if chains else None
 
 
 def _keep_nearest(costs: JoinCosts, pairs: Sequence[Pair]) -> Sequence[Pair]:
@@ -150,7 +158,7 @@ def _number_open_chains(made: Chains, joins: Sequence[Pair], arcs: int, least: f
 
 @dataclass(eq=False)
 class _Contest:
-    """The hypotheses about one class of radius that were fitted so far."""
+    """The hypotheses about one class of radius so far, none of which runs like another."""
 
     evidence: JoinEvidence
     fit_chains: Callable[[Chains], TubeFit]
@@ -166,31 +174,37 @@ class _Contest:
         return True
 
     def try_arcs(self, arcs: Sequence[Array]) -> JoinCosts | None:
-        """Fit the hypothesis about some arcs if there is time; return what their joins cost."""
+        """Add the hypothesis about some arcs if there is time; return what their joins cost."""
         if not self.has_time(len(arcs)):
             return None
         costs = price_joins(arcs, self.evidence)
-        self._score(make_hypothesis(costs, self.evidence))
+        self._add(make_hypothesis(costs, self.evidence))
         return costs
 
     def try_without(self, costs: JoinCosts, pair: Pair) -> None:
         if self.has_time(len(costs.arcs)):
-            self._score(make_hypothesis(costs, self.evidence, [pair]))
+            self._add(make_hypothesis(costs, self.evidence, [pair]))
 
-    def _score(self, one: Hypothesis | None) -> None:
-        """Fit a hypothesis, unless it runs like another."""
+    def rank(self) -> list[ScoredHypothesis]:
+        """Return the hypotheses, the best first."""
+        if len(self.scored) < 2:
+            return self.scored
+        return sorted(self.scored, key=lambda one: one.cost)
+
+    def _add(self, one: Hypothesis | None) -> None:
+        """Add a hypothesis, unless it runs like another."""
         if one is None or any(
             have_same_courses(one.chains, other.hypothesis.chains, self.evidence.radius)
             for other in self.scored
         ):
             return
-        fit = self.fit_chains(one.chains)
-        contradiction = price_contradictions(one.chains, self.evidence)
-        cost = price_explanation(fit, self.evidence.visibility)
-        contrast = one.costs.contrast
-        if contrast is not None:
-            cost += float(sum(contrast[pair] for pair in one.joins))
-        self.scored.append(ScoredHypothesis(one, fit, cost + contradiction, contradiction))
+
+        def price() -> float:
+            cost = price_explanation(self.fit_chains(one.chains), self.evidence.visibility)
+            contrast = one.costs.contrast
+            return cost if contrast is None else cost + float(sum(contrast[pair] for pair in one.joins))
+
+        self.scored.append(ScoredHypothesis(one, price, price_contradictions(one.chains, self.evidence)))
 
 
 def rank_hypotheses(
@@ -198,7 +212,8 @@ def rank_hypotheses(
 ) -> list[ScoredHypothesis]:
     """Fit the likely hypotheses about arcs; return those that run differently, the best first.
 
-    Past the run's deadline only the first is fitted. Without any rope the result is empty.
+    One without a rival is not fitted. Past the run's deadline only the first is made. Without any rope the
+    result is empty.
     """
     if len(arcs) > _MAX_ARCS:
         raise NotEnoughDataError(
@@ -227,13 +242,13 @@ def rank_hypotheses(
                 contest.try_arcs(parts)
     if contest.scored:
         _try_without_doubtful_joins(contest)
-    return sorted(contest.scored, key=lambda one: one.cost)
+    return contest.rank()
 
 
 def _try_without_doubtful_joins(contest: _Contest) -> None:
     """Try the best hypothesis without each join that costs little more to drop, or that may be wrong."""
     prior, free_end = contest.evidence.prior, contest.evidence.config.free_end
-    first = min(contest.scored, key=lambda one: one.cost)
+    first = contest.rank()[0]
     best = first.hypothesis
     tries = sorted(
         (match_ends(best.costs, free_end, [pair])[1] - best.matching_cost, pair)
@@ -252,5 +267,7 @@ def _try_without_doubtful_joins(contest: _Contest) -> None:
 
 def measure_prior_cost(scored: Sequence[ScoredHypothesis]) -> float:
     """Return how much less the best hypothesis would cost if nothing were known of the ropes."""
+    if len(scored) < 2:
+        return 0.0
     free = [one.cost - one.contradiction for one in scored]
     return free[0] - min(free)

@@ -42,7 +42,7 @@ def list_alternatives(by_class: ByClass) -> tuple[Alternative, ...]:
 
 def _rate_joins(scored: Sequence[ScoredHypothesis], chains: Sequence[Chain], config: Linking) -> list[Join]:
     """Return the joins of the best hypothesis, the first, which became the chains."""
-    best, radius = scored[0].hypothesis, scored[0].fit.radius(0)
+    best = scored[0].hypothesis
     costs = best.costs
     joins = []
     for pair in best.joins:
@@ -50,7 +50,7 @@ def _rate_joins(scored: Sequence[ScoredHypothesis], chains: Sequence[Chain], con
         place = 0.5 * (a + b)
         without, cost = match_ends(costs, config.free_end, [pair])
         rivals = [
-            other.cost for other in scored[1:] if not run_through(other.hypothesis.chains, a, b, radius)
+            other.cost for other in scored[1:] if not run_through(other.hypothesis.chains, a, b, best.radius)
         ]
         margin = min([cost - best.matching_cost, *(rival - scored[0].cost for rival in rivals)])
         partner = next((other for one in without for end, other in (one, one[::-1]) if end == pair[0]), None)

@@ -11,7 +11,7 @@ from strand.geometry.curve import Curve
 from strand.geometry.polyline import path_length
 from strand.reconstruction.evidence.confidence import MIN_DOUBT, SCALE, USUAL_NOISE, doubt_margin
 from strand.reconstruction.evidence.visibility import Visibility
-from strand.reconstruction.tubes.hypotheses import ScoredHypothesis, measure_prior_cost
+from strand.reconstruction.tubes.hypotheses import Hypothesis, ScoredHypothesis, measure_prior_cost
 from strand.reconstruction.tubes.joins import ByClass, run_through
 from strand.reconstruction.tubes.tube_ends import find_extents, measure_unseen
 from strand.ropes.doubt import Doubt, Join
@@ -55,7 +55,7 @@ def find_tube_doubts(
     """
     found = [_doubt_join(join) for join in joins]
     for scored in filter(None, by_class):
-        found += _doubt_decision(scored)
+        found += _doubt_decision(scored, fit.sigma)
     found += _doubt_ends(parts, fit, visibility)
     found.append(doubt_stray_points(float(fit.inlier.mean())))
     found = [doubt for doubt in found if doubt.amount > MIN_DOUBT]
@@ -82,17 +82,17 @@ def _doubt_join(join: Join) -> Doubt:
     return Doubt("join", doubt_margin(join.margin), "how the rope runs", reason, join.place)
 
 
-def _doubt_decision(scored: Sequence[ScoredHypothesis]) -> list[Doubt]:
-    """Return doubts about the decision on one class of radius."""
-    best = scored[0]
-    radius = best.fit.radius(0)
+def _doubt_decision(scored: Sequence[ScoredHypothesis], noise: float) -> list[Doubt]:
+    """Return doubts about the decision on one class of radius; `noise` is in metres."""
+    best = scored[0].hypothesis
+    radius = best.radius
     found = []
-    for nodes in best.hypothesis.dropped:
+    for nodes in best.dropped:
         length = float(path_length(nodes)[-1])
         reason = f"a segment of {length * 1e3:.0f} mm became part of no rope"
         amount = _DROPPED * (length / radius + 1.0)
         found.append(Doubt("left out", amount, "what is there", reason, nodes[len(nodes) // 2]))
-    wide = best.fit.sigma / radius
+    wide = noise / radius
     reason = f"noise is {wide:.2f} radii wide"
     amount = _NOISE * max(wide - USUAL_NOISE, 0.0)
     found.append(Doubt("noise", amount, "of details finer than the noise", reason))
@@ -100,21 +100,20 @@ def _doubt_decision(scored: Sequence[ScoredHypothesis]) -> list[Doubt]:
     amount = measure_prior_cost(scored) / SCALE
     found.append(Doubt("prior", amount, "whether what was given about the ropes is right", reason))
     if len(scored) > 1:
-        rival = scored[1]
-        more = rival.cost - best.cost
+        more = scored[1].cost - scored[0].cost
         amount = float(np.exp(-more / SCALE))
         reason = f"another way to explain the points costs {more:.1f} more"
-        found.append(Doubt("rival", amount, "how the ropes run", reason, _locate_difference(best, rival)))
+        place = _locate_difference(best, scored[1].hypothesis)
+        found.append(Doubt("rival", amount, "how the ropes run", reason, place))
     return found
 
 
-def _locate_difference(best: ScoredHypothesis, rival: ScoredHypothesis) -> Array | None:
+def _locate_difference(best: Hypothesis, rival: Hypothesis) -> Array | None:
     """Return a place where one hypothesis joins ends that the other does not."""
-    radius = best.fit.radius(0)
     for some, other in ((rival, best), (best, rival)):
-        for pair in some.hypothesis.joins:
-            a, b = (some.hypothesis.costs.locate_end(end) for end in pair)
-            if not run_through(other.hypothesis.chains, a, b, radius):
+        for pair in some.joins:
+            a, b = (some.costs.locate_end(end) for end in pair)
+            if not run_through(other.chains, a, b, best.radius):
                 return np.asarray(0.5 * (a + b))
     return None
 
