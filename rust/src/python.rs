@@ -39,7 +39,7 @@ use errors::{NotEnoughDataError, StrandError};
 /// Parameters
 /// ----------
 /// threads : int
-///     The number of threads, at most 256; 0 for one for each core.
+///     The number of threads, at most 256; 0 for one for each core that the process may use now.
 ///
 /// Raises
 /// ------

@@ -31,8 +31,10 @@ def measure_time(call):
     return time.perf_counter() - begin
 
 
+@pytest.mark.parametrize("count", [1, 2])
 @pytest.mark.parametrize("camera", [None, "d405"])
-def test_every_stage_is_left_at_once(camera):
+def test_every_stage_is_left_at_once(camera, count, threads):
+    threads(count)
     scene = strand.synthetic.scene("overhand", seed=3, views=3, camera=strand.synthetic.Camera(camera))
     stages: list[str] = []
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
+
+import pytest
 
 # What is interrupted: as long as a kernel takes on points that are all neighbours, or on many that are not.
 CALLS = {
@@ -69,9 +72,16 @@ print(json.dumps(late))
 """
 
 
-def test_ctrl_c_leaves_every_kernel_at_once():
+@pytest.mark.parametrize("threads", ["1", "2"])
+def test_ctrl_c_leaves_every_kernel_at_once(threads):
     code = CODE.format(path=sys.path, calls=CALLS)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {"STRAND_NUM_THREADS": threads},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
     assert done.returncode == 0, done.stderr
     assert not done.stderr
     late = json.loads(done.stdout)
@@ -89,21 +99,33 @@ import strand
 
 
 def ring(*_):
+    # a handler may use strand too
+    assert (strand.count_neighbors(few, 1.0) == known).all()
     raise TimeoutError
 
 
 signal.signal(signal.SIGALRM, ring)
 points = np.random.default_rng(0).uniform(size=(60_000, 3))
+few = points[:9000]
+known = strand.count_neighbors(few, 1.0)
 signal.setitimer(signal.ITIMER_REAL, 0.1)
 try:
     strand.count_neighbors(points, 1.0)
     raise SystemExit("was not interrupted")
 except TimeoutError:
     pass
+assert (strand.count_neighbors(few, 1.0) == known).all()
 """
 
 
-def test_what_another_signals_handler_raises_leaves_too():
+@pytest.mark.parametrize("threads", ["1", "2"])
+def test_what_another_signals_handler_raises_leaves_too(threads):
     code = ALARM.format(path=sys.path)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {"STRAND_NUM_THREADS": threads},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
     assert done.returncode == 0, done.stderr
