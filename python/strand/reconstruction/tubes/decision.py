@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -49,15 +50,19 @@ def _make_fit(
     clouds: Clouds, before: TubeFit, number: int, evidence: JoinEvidence, config: Config
 ) -> Callable[[Chains], TubeFit]:
     """Return a function that fits ropes of one class of radius to a sample of its points at fixed poses."""
-    points = clouds if len(before.radii) == 1 else _select_class(clouds, before, number)
     radius = before.radii[number : number + 1]
-    sample = points.thin_for_tracing(float(radius[0]))
+
+    @cache
+    def take_sample() -> Clouds:
+        # only when it is asked for: a hypothesis without a rival is not fitted
+        points = clouds if len(before.radii) == 1 else _select_class(clouds, before, number)
+        return points.thin_for_tracing(float(radius[0]))
 
     def fit_chains(chains: Chains) -> TubeFit:
         ropes = Arcs([nodes for nodes, _ in chains], [0] * len(chains))
         curves = make_splines(ropes, radius, config, ROPE_MARGIN)
         fit = fit_curves(
-            sample,
+            take_sample(),
             curves,
             ropes.classes,
             before.motions,
