@@ -130,6 +130,18 @@ CALLS: dict[str, tuple[Callable, tuple, dict]] = {
     "evaluate_spline": (_core.evaluate_spline, (NODES, np.linspace(0, 9, 20)), {}),
     "interpolate": (_core.interpolate, (np.linspace(-1, 9, 20), np.arange(12.0), NODES), {}),
     "tabulate_arc_length": (_core.tabulate_arc_length, (NODES, 0.0, 9.0), {}),
+    "find_parameters": (_core.find_parameters, (np.linspace(0, 1, 20), 0.0, 9.0, np.linspace(-1, 2, 9)), {}),
+    "find_arc_lengths": (
+        _core.find_arc_lengths,
+        (np.linspace(0, 1, 20), 0.0, 9.0, np.linspace(-1, 10, 9)),
+        {},
+    ),
+    "propagate_covariances": (
+        _core.propagate_covariances,
+        (np.ones((12, 4, 3, 3)), np.linspace(0, 9, 20)),
+        {},
+    ),
+    "find_contacts": (_core.find_contacts, ([NODES, NODES + 0.01], 0.05, 0.1), {}),
     "find_overlaps": (
         _core.find_overlaps,
         (NODES, np.zeros(12, np.int64), np.linspace(0, 1, 12), 0.01, 0.05),
@@ -151,6 +163,8 @@ CALLS: dict[str, tuple[Callable, tuple, dict]] = {
     "visibility.seen_through": (SEEN.seen_through, (NODES, (1.0, 0.0, 0.0), 0.005), {}),
     "copy_depth": (_core.copy_depth, (DEPTH, 65.0), {}),
     "copy_depth in units": (_core.copy_depth, ((1e3 * DEPTH).astype(np.uint16), 65.0, 1e-3), {}),
+    "find_centroids": (_core.find_centroids, ([TUBE, NODES],), {}),
+    "measure_shift": (_core.measure_shift, ([TUBE], [EYE], [EYE]), {}),
     "unproject": (_core.unproject, (DEPTH, *CAMERA), {}),
     "unproject inside a mask": (_core.unproject, (DEPTH, *CAMERA, MASK), {}),
     "crop_points": (_core.crop_points, (TUBE, EYE, (-1.0,) * 3, (1.0,) * 3, TUBE), {}),

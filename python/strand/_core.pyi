@@ -13,17 +13,18 @@ __all__ = [
     "TubeFit", "TubeQueries", "Visibility", "__version__", "average_residuals", "bridge", "centerline",
     "convert_to_lab", "convolved", "copy_constant", "copy_depth", "count_cores", "count_disc_pairs",
     "count_mask_parts", "count_neighbors", "count_neighbors_each", "count_odd_pixels",
-    "count_typical_neighbors", "count_voxels", "crop_images", "crop_points", "draw_knot",
-    "draw_ropes", "end_direction", "estimate_normals", "estimate_normals_each", "estimate_radii",
-    "evaluate_spline", "find_color_pieces", "find_crossed_segments", "find_extents", "find_linking_number",
-    "find_median", "find_nearest", "find_order_probability", "find_overlaps", "find_pieces_beside",
-    "find_plane", "find_short_outlines", "find_squared_distances", "find_standing", "find_strip_middles",
-    "find_tabletop", "find_values_near", "fit_spline", "fit_tubes", "icp", "identify_knot", "interpolate",
-    "measure_behind", "measure_bending", "measure_depth_bends", "measure_edge_distances", "measure_heights",
-    "measure_linear_scatter", "measure_plane_errors", "measure_variances", "num_threads", "number_blobs",
-    "occludes", "path_length", "price_join", "radius_outlier_mask", "register_in_turn", "select_beside",
-    "set_num_threads", "straighten", "tabulate_arc_length", "trace_chains", "trace_skeleton", "trace_tubes",
-    "track_frame", "unproject",
+    "count_typical_neighbors", "count_voxels", "crop_images", "crop_points", "draw_knot", "draw_ropes",
+    "end_direction", "estimate_normals", "estimate_normals_each", "estimate_radii", "evaluate_spline",
+    "find_arc_lengths", "find_centroids", "find_color_pieces", "find_contacts", "find_crossed_segments",
+    "find_extents", "find_linking_number", "find_median", "find_nearest", "find_order_probability",
+    "find_overlaps", "find_parameters", "find_pieces_beside", "find_plane", "find_short_outlines",
+    "find_squared_distances", "find_standing", "find_strip_middles", "find_tabletop", "find_values_near",
+    "fit_spline", "fit_tubes", "icp", "identify_knot", "interpolate", "measure_behind", "measure_bending",
+    "measure_depth_bends", "measure_edge_distances", "measure_heights", "measure_linear_scatter",
+    "measure_plane_errors", "measure_shift", "measure_variances", "num_threads", "number_blobs", "occludes",
+    "path_length", "price_join", "propagate_covariances", "radius_outlier_mask", "register_in_turn",
+    "select_beside", "set_num_threads", "straighten", "tabulate_arc_length", "trace_chains",
+    "trace_skeleton", "trace_tubes", "track_frame", "unproject",
 ]
 # fmt: on
 
@@ -506,6 +507,12 @@ def fit_spline(nodes: ArrayLike, spacing: float, extension: float) -> _Floats: .
 def evaluate_spline(control: ArrayLike, parameters: ArrayLike) -> tuple[_Floats, _Floats, _Floats]: ...
 def interpolate(places: ArrayLike, known: ArrayLike, values: ArrayLike) -> _Floats: ...
 def tabulate_arc_length(control: ArrayLike, start: float, stop: float) -> _Floats: ...
+def find_parameters(table: ArrayLike, start: float, stop: float, arc_lengths: ArrayLike) -> _Floats: ...
+def find_arc_lengths(table: ArrayLike, start: float, stop: float, parameters: ArrayLike) -> _Floats: ...
+def propagate_covariances(covariances: ArrayLike, parameters: ArrayLike) -> _Floats: ...
+def find_contacts(
+    polylines: Sequence[ArrayLike], distance: float, apart: float
+) -> list[tuple[int, int, int]]: ...
 def path_length(nodes: ArrayLike) -> _Floats: ...
 def end_direction(nodes: ArrayLike, skip: float, span: float) -> _Floats: ...
 def bridge(
@@ -535,6 +542,8 @@ def measure_behind(
 def find_nearest(points: ArrayLike, others: ArrayLike) -> _Ints: ...
 def find_squared_distances(points: ArrayLike, others: ArrayLike) -> _Floats: ...
 def copy_constant(points: ArrayLike) -> _Floats: ...
+def find_centroids(clouds: Sequence[ArrayLike]) -> _Floats: ...
+def measure_shift(clouds: Sequence[ArrayLike], before: ArrayLike, after: ArrayLike) -> float: ...
 def copy_depth(depth: ArrayLike, farthest: float, scale: float | None = None) -> tuple[_Floats, int]: ...
 def unproject(
     depth: ArrayLike,

@@ -5,6 +5,7 @@ pub mod averages;
 pub mod banded;
 pub mod boxes;
 pub mod bridge;
+pub mod contacts;
 pub mod disc;
 mod eigen;
 pub mod linear;
@@ -22,5 +23,5 @@ mod vector;
 
 pub use eigen::{Symmetric3, eigen_symmetric, least_eigenvectors};
 pub use moments::Moments;
-pub use motion::RigidMotion;
+pub use motion::{RigidMotion, measure_shift};
 pub use vector::{Point, advance, cell_of, centroid, cross, dot, normalized, squared_distance, sub};

@@ -90,6 +90,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<queries::TubeQueries>()?;
     module.add_function(wrap_pyfunction!(views::copy_depth, module)?)?;
     module.add_function(wrap_pyfunction!(views::copy_constant, module)?)?;
+    module.add_function(wrap_pyfunction!(views::find_centroids, module)?)?;
+    module.add_function(wrap_pyfunction!(views::measure_shift, module)?)?;
     module.add_function(wrap_pyfunction!(views::unproject, module)?)?;
     module.add_function(wrap_pyfunction!(views::crop_points, module)?)?;
     module.add_function(wrap_pyfunction!(views::crop_images, module)?)?;
@@ -119,6 +121,10 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(curves::evaluate_spline, module)?)?;
     module.add_function(wrap_pyfunction!(curves::tabulate_arc_length, module)?)?;
     module.add_function(wrap_pyfunction!(curves::interpolate, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::find_parameters, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::find_arc_lengths, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::propagate_covariances, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::find_contacts, module)?)?;
     module.add_function(wrap_pyfunction!(curves::find_overlaps, module)?)?;
     module.add_function(wrap_pyfunction!(curves::find_crossed_segments, module)?)?;
     module.add_function(wrap_pyfunction!(curves::path_length, module)?)?;

@@ -23,15 +23,6 @@ _MAX_STEPS = 1_000_000  # of an evenly spaced curve
 _NEWTON_STEPS = 4  # to the closest place of a curve
 
 
-def evaluate_basis(u: Array, count: int) -> tuple[np.ndarray, Array]:
-    """Return the first of the four control points that set each parameter's place, and their weights."""
-    first = np.clip(u.astype(np.int64), 0, count - 4)
-    t = u - first
-    s = 1.0 - t
-    weights = [s**3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3]
-    return first, np.stack(weights, axis=1) / 6
-
-
 @dataclass(frozen=True, eq=False)
 class Curve:
     """A stretch of a uniform cubic B-spline.
@@ -83,28 +74,18 @@ class Curve:
         return _core.tabulate_arc_length(self.control, self.start, self.stop)
 
     @lazy_property
-    def _parameters(self) -> Array:
-        """These parameters."""
-        return np.linspace(self.start, self.stop, len(self._arcs))
-
-    @lazy_property
     def length(self) -> float:
         """Arc length, metres."""
         return float(self._arcs[-1])
 
     def parameter_at(self, s: ArrayLike) -> Array:
         """Return parameters of the spline at arc lengths `s`, metres, clamped to the ends."""
-        return np.asarray(np.interp(check_numbers("s", s), self._arcs, self._parameters))
+        return _core.find_parameters(self._arcs, self.start, self.stop, check_numbers("s", s))
 
     def arc_length_at(self, parameter: ArrayLike) -> Array:
         """Return arc lengths at parameters of the spline, metres, clamped to the ends."""
-        arc = self._arcs
-        # the parameters are evenly spaced: no search
-        beyond = check_numbers("parameter", parameter) - self.start
-        place = np.clip(beyond * ((len(arc) - 1) / (self.stop - self.start)), 0.0, len(arc) - 1)
-        before = np.minimum(place.astype(np.intp), len(arc) - 2)
-        low = arc[before]
-        return np.asarray(low + (place - before) * (arc[before + 1] - low))
+        place = check_numbers("parameter", parameter)
+        return _core.find_arc_lengths(self._arcs, self.start, self.stop, place)
 
     def trimmed(self, start: float, stop: float) -> Curve:
         """Return the stretch between two arc lengths, metres."""
@@ -158,4 +139,8 @@ class Curve:
         steps = self.length / check_positive("spacing", spacing)
         if steps > _MAX_STEPS:
             raise ValueError(f"spacing: expected at most {_MAX_STEPS} steps, got {steps:g}")
-        return np.linspace(0.0, self.length, max(round(steps), 1) + 1)
+        count = max(round(steps), 1)
+        # as linspace, which takes longer for few numbers
+        s = np.arange(count + 1) * (self.length / count)
+        s[-1] = self.length
+        return np.asarray(s)

@@ -76,6 +76,35 @@ impl<'a> ByLength<'a> {
     }
 }
 
+/// Returns a spline's parameters at arc lengths, limited to those of a table from `ByLength`.
+///
+/// `arc` holds two arc lengths or more, at parameters that are evenly spaced between the first and the last.
+pub(crate) fn find_parameters(arc: &[f64], [first, last]: [f64; 2], s: &[f64]) -> Vec<f64> {
+    let step = (last - first) / (arc.len() - 1) as f64;
+    let parameter = |i: usize| if i + 1 < arc.len() { first + i as f64 * step } else { last };
+    let find = |&s: &f64| match arc.partition_point(|&a| a <= s) {
+        0 => first,
+        next if next == arc.len() => last,
+        next => {
+            let (low, high) = (parameter(next - 1), parameter(next));
+            low + (high - low) / (arc[next] - arc[next - 1]) * (s - arc[next - 1])
+        }
+    };
+    s.iter().map(find).collect()
+}
+
+/// Returns the arc lengths at a spline's parameters, limited to those of a table as in [`find_parameters`].
+pub(crate) fn find_arc_lengths(arc: &[f64], [first, last]: [f64; 2], parameters: &[f64]) -> Vec<f64> {
+    let entries = (arc.len() - 1) as f64;
+    let each = entries / (last - first);
+    let find = |&parameter: &f64| {
+        let place = ((parameter - first) * each).clamp(0.0, entries);
+        let i = (place as usize).min(arc.len() - 2);
+        arc[i] + (place - i as f64) * (arc[i + 1] - arc[i])
+    };
+    parameters.iter().map(find).collect()
+}
+
 /// Returns the unit tangent at a place.
 pub(crate) fn unit_tangent(place: &Place) -> Point {
     normalized(place.first)
@@ -101,5 +130,28 @@ mod tests {
         assert!((part.length() - 0.05).abs() < 1e-6);
         assert_eq!(part.arc_length(0.0), 0.0);
         assert_eq!(part.arc_length(spline.end()), part.length());
+    }
+
+    #[test]
+    fn tables_give_the_arc_lengths_and_parameters_of_the_part() {
+        let nodes: Vec<Point> =
+            (0..40).map(|i| f64::from(i) * 0.01).map(|x| [x, x * x, 0.1 * x.sin()]).collect();
+        let spline = Spline::through(&nodes, 0.03, 0.0).unwrap();
+        let range = [0.7, spline.end() - 1.3];
+        let part = ByLength::new(&spline, range[0], range[1]);
+        let parameters: Vec<f64> = (-20..220).map(|i| f64::from(i) * 0.01 * spline.end()).collect();
+        let s: Vec<f64> = (-20..220).map(|i| f64::from(i) * 0.005 * part.length()).collect();
+        let found = find_arc_lengths(&part.arc, range, &parameters);
+        for (found, &u) in found.iter().zip(&parameters) {
+            assert!((found - part.arc_length(u)).abs() < 1e-14);
+        }
+        let found = find_parameters(&part.arc, range, &s);
+        for (found, &s) in found.iter().zip(&s) {
+            assert!((found - part.parameter(s)).abs() < 1e-12);
+        }
+        assert_eq!(
+            find_parameters(&part.arc, range, &[-1.0, 0.0, part.length(), 9.0]),
+            [range[0], range[0], range[1], range[1]]
+        );
     }
 }

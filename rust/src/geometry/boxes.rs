@@ -29,7 +29,8 @@ impl Bounds {
         }
     }
 
-    fn meets(&self, other: &Self) -> bool {
+    /// Returns whether both boxes have a common place.
+    pub fn meets(&self, other: &Self) -> bool {
         // no branches: three comparisons cost less than one mispredicted branch
         (0..3).fold(true, |meets, k| meets & (self.low[k] <= other.high[k]) & (other.low[k] <= self.high[k]))
     }

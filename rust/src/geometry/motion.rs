@@ -77,6 +77,13 @@ impl RigidMotion {
     }
 }
 
+/// Returns how far a change of the motion of points moves one of them at most, metres; 0 without points.
+pub fn measure_shift(points: &[Point], before: &RigidMotion, after: &RigidMotion) -> f64 {
+    let (turn, step) = (after.rotation - before.rotation, after.translation - before.translation);
+    let squared = |&p: &Point| (turn * Vector3::from(p) + step).norm_squared();
+    points.iter().map(squared).fold(0.0, f64::max).sqrt()
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::vector::squared_distance;
@@ -99,6 +106,18 @@ mod tests {
             prop_assert!(squared_distance(both.apply(x), second.apply(first.apply(x))).sqrt() < 1e-13);
             prop_assert_eq!(RigidMotion::from_rows(&both.to_rows()).unwrap(), both);
         }
+    }
+
+    #[test]
+    fn a_change_of_motion_moves_the_farthest_point_most() {
+        let turn = |angle| Rotation3::new(Vector3::new(0.0, 0.0, angle)).into_inner();
+        let motion = |angle, x| RigidMotion { rotation: turn(angle), translation: Vector3::new(x, 0.0, 0.0) };
+        let (before, after) = (motion(0.2, 0.5), motion(0.3, 0.6));
+        let points = [[0.1, 0.0, 7.0], [2.0, 1.0, 0.0], [-0.5, 0.3, 1.0]];
+        let shifts = points.map(|p| squared_distance(before.apply(p), after.apply(p)).sqrt());
+        let most = shifts.into_iter().fold(0.0, f64::max);
+        assert!((measure_shift(&points, &before, &after) - most).abs() < 1e-12);
+        assert_eq!(measure_shift(&[], &before, &after), 0.0);
     }
 
     #[test]

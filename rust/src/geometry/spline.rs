@@ -222,6 +222,33 @@ impl Spline {
     }
 }
 
+/// A 3x3 matrix.
+pub(crate) type Block = [Point; 3];
+
+/// Returns the covariances of a spline's places at parameters, Σ Bᵢ Bⱼ Cᵢⱼ, m².
+///
+/// `covariances` holds those of each of four or more control points with itself and with the next three, m².
+pub(crate) fn propagate_covariances(covariances: &[[Block; 4]], parameters: &[f64]) -> Vec<Block> {
+    let propagate = |&u: &f64| {
+        let (first, t) = span(u, covariances.len());
+        let weights = weights(t);
+        let mut total = [[0.0; 3]; 3];
+        for i in 0..4 {
+            for j in i..4 {
+                let (weight, block) = (weights[i] * weights[j], &covariances[first + i][j - i]);
+                for k in 0..3 {
+                    for l in 0..3 {
+                        let mirrored = if i == j { 0.0 } else { weight * block[l][k] };
+                        total[k][l] += weight * block[k][l] + mirrored;
+                    }
+                }
+            }
+        }
+        total
+    };
+    parameters.iter().map(propagate).collect()
+}
+
 /// Solves symmetric banded equations by Cholesky; returns None if the matrix is not positive definite.
 ///
 /// The order of its sums is that of a dense matrix.
@@ -382,5 +409,40 @@ mod tests {
         assert!((spline.at(0.0).position[0] + 0.005).abs() < 1e-6);
         assert!((spline.at(spline.end()).position[0] - 0.195).abs() < 1e-6);
         assert!(Spline::through(&nodes[..1], 0.008, 0.0).is_err());
+    }
+
+    #[test]
+    fn places_have_the_covariances_of_their_control_points() {
+        let controls = 7;
+        // control points that share a few random numbers: C is A Aᵀ, and far ones share none
+        let mixed = |n: usize, k: usize, m: usize| {
+            let shares = (n..n + 4).contains(&m);
+            if shares { ((n * 31 + k * 17 + m * 7) % 13) as f64 - 6.0 } else { 0.0 }
+        };
+        let between = |n: usize, k: usize, o: usize, l: usize| -> f64 {
+            (0..controls + 4).map(|m| mixed(n, k, m) * mixed(o, l, m)).sum()
+        };
+        let block = |n: usize, next: usize| {
+            std::array::from_fn(|k| {
+                std::array::from_fn(
+                    |l| if n + next < controls { between(n, k, n + next, l) } else { f64::NAN },
+                )
+            })
+        };
+        let covariances: Vec<[Block; 4]> =
+            (0..controls).map(|n| std::array::from_fn(|next| block(n, next))).collect();
+        let parameters = [0.0, 0.3, 1.9, 3.0, 4.0];
+        for (found, &u) in propagate_covariances(&covariances, &parameters).iter().zip(&parameters) {
+            let (first, t) = span(u, controls);
+            let weights = weights(t);
+            for k in 0..3 {
+                for l in 0..3 {
+                    // the place is a sum of the same random numbers
+                    let sum = |k, m| (0..4).map(|i| weights[i] * mixed(first + i, k, m)).sum::<f64>();
+                    let expected: f64 = (0..controls + 4).map(|m| sum(k, m) * sum(l, m)).sum();
+                    assert!((found[k][l] - expected).abs() < 1e-10);
+                }
+            }
+        }
     }
 }

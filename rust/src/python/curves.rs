@@ -1,16 +1,16 @@
 //! Bindings of curves: splines, polylines and bridges.
 
-use numpy::{Element, PyArray1, PyArray2, PyArrayDyn};
+use numpy::{Element, PyArray1, PyArray2, PyArray3, PyArrayDyn};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 
-use super::arguments::{Array, FloatArray, Points, point, require_same_length, wrong_shape};
+use super::arguments::{Array, FloatArray, Points, point, require_same_length, slices, wrong_shape};
 use super::arrays::{PointsArray, array, list, points_array};
-use super::released::{guarded, released_if_many};
-use crate::geometry::arclength::ByLength;
+use super::released::{CHEAP, guarded, released_if_many};
+use crate::geometry::arclength::{self, ByLength};
 use crate::geometry::overlap::{self, Along};
-use crate::geometry::spline::Spline;
-use crate::geometry::{Point, bridge, plan, polyline, straighten};
+use crate::geometry::spline::{self, Spline};
+use crate::geometry::{Point, bridge, contacts, plan, polyline, straighten};
 
 /// Numbers of both segments, positions along them, and turns.
 type Crossings<'py> = (Bound<'py, PyArray2<i64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i8>>);
@@ -119,6 +119,117 @@ pub(super) fn tabulate_arc_length<'py>(
     let controls = spline.control.len();
     let table = released_if_many(py, controls, move || ByLength::new(&spline, start, stop).into_table())?;
     list(py, table)
+}
+
+/// Return a spline's parameters at arc lengths, limited to those of a table.
+///
+/// Parameters
+/// ----------
+/// table : (n,) array_like of float
+///     Arc lengths from `tabulate_arc_length` between the parameters `start` and `stop`, metres, n >= 2.
+/// start, stop : float
+/// arc_lengths : (...) array_like of float
+///     Metres.
+#[pyfunction]
+pub(super) fn find_parameters<'py>(
+    py: Python<'py>,
+    table: &Bound<'py, PyAny>,
+    start: f64,
+    stop: f64,
+    arc_lengths: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    look_up(
+        table,
+        [start, stop],
+        FloatArray::new("arc_lengths", arc_lengths)?,
+        py,
+        arclength::find_parameters,
+    )
+}
+
+/// Return the arc lengths at a spline's parameters, metres, limited to those of a table as in `find_parameters`.
+#[pyfunction]
+pub(super) fn find_arc_lengths<'py>(
+    py: Python<'py>,
+    table: &Bound<'py, PyAny>,
+    start: f64,
+    stop: f64,
+    parameters: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    look_up(table, [start, stop], FloatArray::new("parameters", parameters)?, py, arclength::find_arc_lengths)
+}
+
+/// Looks places up in a table of arc lengths between two parameters.
+fn look_up<'py>(
+    table: &Bound<'py, PyAny>,
+    range: [f64; 2],
+    places: FloatArray,
+    py: Python<'py>,
+    find: impl FnOnce(&[f64], [f64; 2], &[f64]) -> Vec<f64> + Send + 'static,
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    let table = FloatArray::new("table", table)?;
+    let [(2..)] = table.shape()[..] else { return Err(wrong_shape("table", "(n,), n >= 2", table.shape())) };
+    let (shape, count) = (places.shape().to_vec(), places.slice().len());
+    let found = released_if_many(py, count / CHEAP, move || find(table.slice(), range, places.slice()))?;
+    array(py, found, shape)
+}
+
+/// Return (M, 3, 3) covariances of a spline's places at parameters, m^2.
+///
+/// Parameters
+/// ----------
+/// covariances : (n, 4, 3, 3) array_like of float
+///     Covariances of each control point with itself and the next three, m^2, n >= 4.
+/// parameters : (M,) array_like of float
+#[pyfunction]
+pub(super) fn propagate_covariances<'py>(
+    py: Python<'py>,
+    covariances: &Bound<'py, PyAny>,
+    parameters: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    let (covariances, parameters) =
+        (FloatArray::new("covariances", covariances)?, FloatArray::new("parameters", parameters)?);
+    let [(4..), 4, 3, 3] = covariances.shape()[..] else {
+        return Err(wrong_shape("covariances", "(n, 4, 3, 3), n >= 4", covariances.shape()));
+    };
+    let count = parameters.slice().len();
+    let found = released_if_many(py, count, move || {
+        let blocks = covariances.slice().as_chunks().0.as_chunks().0.as_chunks().0;
+        spline::propagate_covariances(blocks, parameters.slice())
+    })?;
+    array(py, found.into_flattened().into_flattened(), [count, 3, 3])
+}
+
+/// Find where ends of polylines lie at another polyline, or at a far part of their own.
+///
+/// Parameters
+/// ----------
+/// polylines : sequence of (M, 3) array_like of float
+///     Ordered nodes, metres.
+/// distance : float
+///     An end touches a polyline if its nearest node is less than this away, metres.
+/// apart : float
+///     Nodes of the end's own polyline count from here on along it, metres.
+///
+/// Returns
+/// -------
+/// list of (int, int, int)
+///     The end, in order, the polyline that it touches, and the number of the nearest node there. End 2k is the first
+///     node of polyline k, 2k + 1 its last.
+#[pyfunction]
+pub(super) fn find_contacts(
+    py: Python<'_>,
+    polylines: Vec<Bound<'_, PyAny>>,
+    distance: f64,
+    apart: f64,
+) -> PyResult<Vec<(usize, usize, usize)>> {
+    let polylines = Points::all("polylines", &polylines)?;
+    let nodes: usize = polylines.iter().map(|polyline| polyline.len()).sum();
+    // every end with every node
+    let effort = nodes.saturating_mul(2 * polylines.len() / 16);
+    let found =
+        released_if_many(py, effort, move || contacts::find_contacts(&slices(&polylines), distance, apart))?;
+    Ok(found.iter().map(|contact| (contact.end, contact.polyline, contact.node)).collect())
 }
 
 /// Return whether each place lies nearer than `distance` to another curve, or to its own curve at least `apart` along

@@ -4,12 +4,12 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 
 use super::arguments::{Array, FloatArray, Points, motion, motions, require_same_length, wrong_shape};
-use super::arrays::{PointsArray, constant, constant_points, list};
+use super::arrays::{PointsArray, constant, constant_points, list, points_array};
 use super::released::{CHEAP, released, released_if_many};
 use crate::clouds::crop::DepthView;
 use crate::clouds::depth::Pinhole;
 use crate::clouds::{crop, depth};
-use crate::geometry::Point;
+use crate::geometry::{self, Point};
 use crate::parallel;
 
 /// Copy a depth image, and count its pixels that are not finite; see `strand.View.from_depth`.
@@ -45,6 +45,50 @@ pub(super) fn copy_constant<'py>(py: Python<'py>, points: &Bound<'py, PyAny>) ->
     let points = FloatArray::new("points", points)?;
     let &[rows, 3] = points.shape() else { return Err(wrong_shape("points", "(N, 3)", points.shape())) };
     constant(py, points.into_values(), [rows, 3])
+}
+
+/// Return the (K, 3) mean points of clouds; the origin for one without points.
+///
+/// `clouds` is a sequence of (N, 3) array_like of float.
+#[pyfunction]
+pub(super) fn find_centroids<'py>(
+    py: Python<'py>,
+    clouds: Vec<Bound<'py, PyAny>>,
+) -> PyResult<PointsArray<'py>> {
+    let clouds = Points::all("clouds", &clouds)?;
+    let count: usize = clouds.iter().map(|cloud| cloud.len()).sum();
+    points_array(
+        py,
+        released_if_many(py, count / CHEAP, move || {
+            clouds.iter().map(|cloud| geometry::centroid(cloud)).collect()
+        })?,
+    )
+}
+
+/// Return how far a change of the motions of some clouds moves one of their points at most, metres.
+///
+/// Parameters
+/// ----------
+/// clouds : sequence of (N, 3) array_like of float
+/// before, after : sequence of (4, 4) array_like of float
+///     The motion of each cloud.
+#[pyfunction]
+pub(super) fn measure_shift(
+    py: Python<'_>,
+    clouds: Vec<Bound<'_, PyAny>>,
+    before: Vec<Bound<'_, PyAny>>,
+    after: Vec<Bound<'_, PyAny>>,
+) -> PyResult<f64> {
+    let clouds = Points::all("clouds", &clouds)?;
+    let (before, after) = (motions("before", &before)?, motions("after", &after)?);
+    for (name, motions) in [("before", &before), ("after", &after)] {
+        require_same_length(name, motions.len(), clouds.len())?;
+    }
+    let count: usize = clouds.iter().map(|cloud| cloud.len()).sum();
+    released_if_many(py, count / CHEAP, move || {
+        let each = clouds.iter().zip(&before).zip(&after);
+        each.map(|((cloud, before), after)| geometry::measure_shift(cloud, before, after)).fold(0.0, f64::max)
+    })
 }
 
 /// Return the points of a depth image, those inside a mask (H, W) if there is one; see `strand.View.from_depth`.

@@ -59,6 +59,8 @@ calls = {{
     "find_squared_distances": lambda: _core.find_squared_distances(points, points),
     "crop_points": lambda: _core.crop_points(points, eye, (0.0,) * 3, (0.5,) * 3, points),
     "crop_images": lambda: _core.crop_images([depth], [camera], [eye], (-1.0,) * 3, (1.0,) * 3),
+    "find_centroids": lambda: _core.find_centroids([points]),
+    "measure_shift": lambda: _core.measure_shift([points], [eye], [eye]),
     "copy_constant": lambda: _core.copy_constant(points),
     "measure_variances": lambda: _core.measure_variances(points, points[:9], 0.2, 5),
     "measure_depth_bends": lambda: _core.measure_depth_bends([depth], [camera], [points], 1),
@@ -70,6 +72,12 @@ calls = {{
     "fit_spline": lambda: _core.fit_spline(points[:40], 0.5, 0.1),
     "evaluate_spline": lambda: _core.evaluate_spline(control, points[0]),
     "interpolate": lambda: _core.interpolate(points[0], points[:3, 0].copy(), points[:3]),
+    "find_parameters": lambda: _core.find_parameters(points[:, 0].copy(), 0.0, 9.0, points[:, 1]),
+    "find_arc_lengths": lambda: _core.find_arc_lengths(points[:, 0].copy(), 0.0, 9.0, points[:, 1]),
+    "propagate_covariances": lambda: _core.propagate_covariances(
+        points[:120].reshape(10, 4, 3, 3), points[:, 0]
+    ),
+    "find_contacts": lambda: _core.find_contacts([points[:40], points[40:80]], 0.3, 0.1),
     "find_overlaps": lambda: _core.find_overlaps(points[:99], number[:99], points[:99, 0].copy(), 0.1, 0.1),
     "find_crossed_segments": lambda: _core.find_crossed_segments(plan, lines),
     "find_crossed_segments, numbers": lambda: _core.find_crossed_segments(plan, number[:398].reshape(-1, 2)),

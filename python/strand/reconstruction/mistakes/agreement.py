@@ -104,7 +104,9 @@ def measure_view_distance(
     if _shows_more_than_ropes(shown) or sum(len(view.points) >= _MIN_POINTS for view in shown) < 2:
         return math.nan
     clouds = [view.world_points for view in shown]
-    directions = [_find_direction(cloud, view) for cloud, view in zip(clouds, views, strict=True)]
+    # from the cameras to the middles of their ropes
+    towards = _core.find_centroids(clouds) - np.array([view.viewpoint for view in views])
+    directions = _normalize(towards)
     found, skipped = [], 0
     for i in range(len(views)):
         # opposite sides of a rope are as close to each other as the rope is thick
@@ -199,25 +201,15 @@ def _measure_distance(own: Array, other: Array) -> float:
 def _are_in_sight(points: Array, view: View) -> NDArray[np.bool_]:
     """Tell which points of the world lie in a view's image, or among the directions of its points."""
     image = view.image
-    seen = (points - view.pose[:3, 3]) @ view.pose[:3, :3]
     if image is None:
+        seen = (points - view.pose[:3, 3]) @ view.pose[:3, :3]
         own, asked = _normalize(view.points), _normalize(seen)
         middle = own.sum(axis=0)
         return np.asarray(asked @ middle >= (own @ middle).min(initial=np.inf))
-    height, width = image.depth.shape
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        u, v = image.camera.project(seen).T
-    return np.asarray((seen[:, 2] > 0) & (u > -0.5) & (u < width - 0.5) & (v > -0.5) & (v < height - 0.5))
+    # a point in no image has no depth behind it
+    return ~np.isnan(_core.measure_behind(image.depth, image.camera, view.pose, points, 0.0))
 
 
-def _normalize(points: Array) -> Array:
-    """(N, 3) Return the directions from a camera to points of its frame."""
-    return np.asarray(points / np.maximum(measure_lengths(points), _TINY)[:, None])
-
-
-def _find_direction(cloud: Array, view: View) -> Array:
-    """(3,) Return the direction from a camera to the middle of its ropes, world frame."""
-    if not len(cloud):
-        return np.zeros(3)
-    towards = cloud.mean(axis=0) - view.viewpoint
-    return np.asarray(towards / max(float(np.linalg.norm(towards)), _TINY))
+def _normalize(vectors: Array) -> Array:
+    """(N, 3) Return the directions of vectors; those of length 0 stay."""
+    return np.asarray(vectors / np.maximum(measure_lengths(vectors), _TINY)[:, None])

@@ -38,25 +38,16 @@ def cut_at_contacts(arcs: Sequence[Array], radius: float, config: Linking, back:
     list of (K, 3) ndarray
         The arcs without the nodes around contacts. Parts of fewer than three nodes are dropped.
     """
-    lengths = [path_length(arc) for arc in arcs]
     kept = [np.ones(len(arc), dtype=bool) for arc in arcs]
     half = config.contact_gap * radius
-    low, high = (np.array([corner(arc, axis=0) for arc in arcs]) for corner in (np.min, np.max))
-    for i, arc in enumerate(arcs):
-        for end, place in ((arc[0], 0.0), (arc[-1], lengths[i][-1])):
-            # arcs whose bounding box is farther away have no contact
-            beyond = np.maximum(np.maximum(low - end, end - high), 0.0)
-            for j in np.flatnonzero((beyond**2).sum(axis=1) <= (config.contact * radius) ** 2).tolist():
-                other = arcs[j]
-                distance = np.linalg.norm(other - end, axis=1)
-                if i == j:
-                    distance[np.abs(lengths[j] - place) < _OWN * radius] = np.inf
-                nearest = int(distance.argmin())
-                s = lengths[j]
-                inside = half < s[nearest] < s[-1] - half
-                if inside and distance[nearest] < config.contact * radius:
-                    kept[j] &= np.abs(s - s[nearest]) > half
-                    kept[i] &= ~_find_merged(arc, np.abs(lengths[i] - place), other, i == j, radius, back)
+    for end, j, nearest in _core.find_contacts(arcs, config.contact * radius, _OWN * radius):
+        arc, other = arcs[end // 2], arcs[j]
+        s = path_length(other)
+        if half < s[nearest] < s[-1] - half:
+            kept[j] &= np.abs(s - s[nearest]) > half
+            from_first = path_length(arc)
+            from_end = from_first[-1] - from_first if end % 2 else from_first
+            kept[end // 2] &= ~_find_merged(arc, from_end, other, end // 2 == j, radius, back)
     parts = []
     for arc, keep in zip(arcs, kept, strict=True):
         parts += [arc[a:b] for a, b in find_runs(keep) if b - a >= 3]

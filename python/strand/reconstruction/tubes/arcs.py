@@ -10,7 +10,6 @@ import numpy as np
 import strand._core as _core
 from strand._core import NotEnoughDataError, TubeFit
 from strand.config import Config
-from strand.geometry.lengths import measure_lengths
 from strand.reconstruction.radius import Radii, group_radii
 from strand.reconstruction.stages import Run
 from strand.reconstruction.tubes.clouds import Arcs, Clouds
@@ -19,7 +18,7 @@ from strand.reconstruction.tubes.radius_choice import choose_arcs
 from strand.reconstruction.tubes.second_look import trace_unexplained
 from strand.reconstruction.tubes.tube_ends import find_extents
 from strand.support.checks import Array
-from strand.views.pose import moved
+from strand.views.pose import moved, moved_by_each
 
 _SETTLED = 0.15  # radii: arcs are not traced again if the fit moved all points by less
 _MAX_ARCS = 1000  # of one radius: more are no ropes
@@ -29,8 +28,8 @@ _ARC_MARGIN = 1.0  # radii: splines extend beyond their arcs, so that the points
 def trace_arcs(clouds: Clouds, motions: Array, radii: Array, min_nodes: int, config: Config) -> Arcs:
     """Trace arcs of each radius through the points of all views at corrected poses."""
     points = [moved(cloud, motion) for cloud, motion in zip(clouds.points, motions, strict=True)]
-    centers = [moved(center[None], motion) for center, motion in zip(clouds.viewpoints, motions, strict=True)]
-    cameras = np.repeat(np.concatenate(centers), list(map(len, points)), axis=0)
+    centers = moved_by_each(clouds.viewpoints[:, None], motions)[:, 0]
+    cameras = np.repeat(centers, list(map(len, points)), axis=0)
     together = np.concatenate(points)
     nodes, classes = [], []
     for number, radius in enumerate(radii):
@@ -111,7 +110,7 @@ def fit_arcs(
             bounds=clouds.hull if radii.free else None,
             uncertainty=uncertainty,
         )
-        shift = _measure_shift(few, motions, fit.motions)
+        shift = _core.measure_shift(few.points, motions, fit.motions)
         motions = fit.motions
         if shift < _SETTLED * float(radii.values.min()) or run.skips("arcs traced again at better poses"):
             break
@@ -128,15 +127,6 @@ def fit_arcs(
         few = clouds.thin_for_tracing(float(radii.values.min()))
         return fit_arcs(clouds, few, fit.motions, radii, config, run, uncertainty=uncertainty)
     return fit, radii
-
-
-def _measure_shift(clouds: Clouds, before: Array, after: Array) -> float:
-    """Return how far a change of the poses' corrections moves a point at most, metres."""
-    far = 0.0
-    for cloud, some, other in zip(clouds.points, before, after, strict=True):
-        change = other[:3] - some[:3]
-        far = max(far, float(measure_lengths(cloud @ change[:, :3].T + change[:, 3]).max()))
-    return far
 
 
 def _fit_radii(

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+import strand._core as _core
 from strand._core import TubeFit
 from strand.config import Config
-from strand.geometry.curve import Curve, evaluate_basis
+from strand.geometry.curve import Curve
 from strand.reconstruction.tubes.tube_ends import estimate_end_deviations
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
@@ -31,7 +32,7 @@ def make_chains(
         place = part.arc_length_at(fit.parameter[mine])
         counts, views = _count_seen(place, fit.view[mine], s)
         places, tangents, _ = part.at(s)
-        covariance = propagate_covariance(fit.covariances[number], part.parameter_at(s))
+        covariance = _core.propagate_covariances(fit.covariances[number], part.parameter_at(s))
         if not ring:
             # nodes are spaced evenly between the ends, so they move with them
             share = s / part.length
@@ -59,21 +60,7 @@ def _count_seen(places: Array, view: np.ndarray, nodes: Array) -> tuple[np.ndarr
     """Count the points that are nearest to each node, and the views that they come from."""
     spacing = nodes[1] - nodes[0]
     nearest = np.clip(np.rint(places / spacing).astype(np.int64), 0, len(nodes) - 1)
-    counts = np.bincount(nearest, minlength=len(nodes))
     cameras = int(view.max(initial=0)) + 1
     pairs = np.bincount(nearest * cameras + view, minlength=len(nodes) * cameras)
-    return counts, np.count_nonzero(pairs.reshape(len(nodes), cameras), axis=1)
-
-
-def propagate_covariance(covariance: Array, parameter: Array) -> Array:
-    """Return (M, 3, 3) covariances of a spline's places, sum_ij B_i B_j C_ij, m^2.
-
-    `covariance` holds (n, 4, 3, 3) covariances of each control point with itself and the next three.
-    """
-    first, weights = evaluate_basis(parameter, len(covariance))
-    total = np.zeros((len(parameter), 3, 3))
-    for i in range(4):
-        for j in range(i, 4):
-            block = (weights[:, i] * weights[:, j])[:, None, None] * covariance[first + i, j - i]
-            total += block if i == j else block + block.transpose(0, 2, 1)
-    return total
+    counts = pairs.reshape(len(nodes), cameras)
+    return counts.sum(axis=1), np.count_nonzero(counts, axis=1)
