@@ -68,7 +68,7 @@ def _classify_points(points: Array, radius: float) -> str | None:
     wide, shapes = _find_wide_places(points, places, _REACH * radius, _MIN_SHARE)
     if not len(shapes):
         return None
-    if np.median(shapes[:, 0] / shapes[:, 2]) > _FILLED_RATIO:
+    if _core.find_median(shapes[:, 0] / shapes[:, 2]) > _FILLED_RATIO:
         return "a cloud that fills space"
     smooth, rough = _measure_normals(points, wide, radius)
     if smooth > _SMOOTH_SHARE:

@@ -356,7 +356,7 @@ def convert_integers(name: str, value: ArrayLike) -> NDArray[Any]:
 
 
 def _check_finite(name: str, array: Array) -> Array:
-    if not np.isfinite(array).all():
+    if np.count_nonzero(np.isfinite(array)) < array.size:
         raise ValueError(f"{name}: expected finite numbers, got NaN or infinity")
     return array
 

@@ -53,8 +53,8 @@ def _list_parts(arcs: Sequence[Array], joins: Sequence[Pair]) -> list[tuple[list
 
 def _cut_back(nodes: Array, other: Array, radius: float) -> Array:
     """Drop some of the last nodes that are near a place."""
-    near = np.linalg.norm(nodes[-_MAX_CUT:] - other, axis=1) < _OVERLAP * radius
-    count = len(near) if near.all() else len(near) - (int(np.flatnonzero(~near)[-1]) + 1)
+    near = np.linalg.norm(nodes[: -_MAX_CUT - 1 : -1] - other, axis=1) < _OVERLAP * radius
+    count = len(near) if near.all() else int(near.argmin())
     return nodes[: max(len(nodes) - count, min(len(nodes), _MIN_LEFT))]
 
 

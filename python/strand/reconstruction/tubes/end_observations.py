@@ -107,6 +107,7 @@ def _observe_end(
     stretch = part.length - r * _STEPS if late else r * _STEPS
     inside, tangents, _ = part.at(np.clip(stretch, 0.0, part.length))
     outward = tangents[0] if late else -tangents[0]
+    weight = _weigh_pixels(scene.cameras[views] - fit.points[near], tangents[0])
     others = _find_other_axes(scene.axes, number, inside)
     outside: list[int] = []
     if scene.bounds is not None:
@@ -121,8 +122,7 @@ def _observe_end(
         if view in outside:
             continue
         seen_here = views == view
-        weight = _weigh_pixels(camera - fit.points[near[seen_here]], tangents[0])
-        measured = _find_end(inwards[seen_here], weight, r, math.sqrt(1.0 - cosine**2))
+        measured = _find_end(inwards[seen_here], weight[seen_here], r, math.sqrt(1.0 - cosine**2))
         if measured is None:
             continue
         offset, width = measured
@@ -130,7 +130,7 @@ def _observe_end(
         offset -= excess * r
         sd = math.hypot(width / math.sqrt(12.0), doubt * r)
         seen.append((view, inside[0] + offset * outward, offset, sd))
-    middle = float(np.median([offset for _, _, offset, _ in seen])) if seen else 0.0
+    middle = _core.find_median([offset for _, _, offset, _ in seen]) if seen else 0.0
     agreeing = [
         EndObservation(view, 2 * number + late, moved(spot[None], scene.backwards[view])[0], outward, sd)
         for view, spot, offset, sd in seen

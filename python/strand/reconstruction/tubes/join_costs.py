@@ -77,8 +77,9 @@ def price_joins(arcs: Sequence[Array], evidence: JoinEvidence) -> JoinCosts:
     farthest = config.gap * radius * (1.0 if visibility is None else _UNSEEN_FACTOR)
     contrast = None if evidence.colors is None else evidence.colors.price_joins(arcs, radius)
     costs: dict[tuple[int, int], float] = {}
-    for i, j in zip(*np.nonzero(np.triu(distance <= farthest, k=1)), strict=True):
-        i, j = int(i), int(j)
+    for i, j in np.argwhere(distance <= farthest).tolist():
+        if j <= i:
+            continue
         ring = i ^ 1 == j
         if ring and (config.rings == "never" or path_length(arcs[i // 2])[-1] < config.loop * radius):
             continue

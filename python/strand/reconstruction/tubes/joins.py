@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+import strand._core as _core
 from strand.config import Linking
 from strand.geometry.polyline import path_length
 from strand.reconstruction.courses import Chains
@@ -78,4 +79,5 @@ def run_through(made: Chains, a: Array, b: Array, radius: float) -> bool:
 
 
 def _find_nearest(chains: Sequence[Chain], place: Array) -> int:
-    return int(np.argmin([np.linalg.norm(chain.points - place, axis=1).min() for chain in chains]))
+    distances = [_core.find_squared_distances(place[None], chain.points)[0] for chain in chains]
+    return int(np.argmin(distances))

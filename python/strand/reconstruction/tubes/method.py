@@ -26,7 +26,7 @@ from strand.reconstruction.tubes.pixels import Cameras
 from strand.reconstruction.tubes.registration import register_roughly
 from strand.reconstruction.tubes.second_look import find_arcs_to_reconsider
 from strand.reconstruction.tubes.tube_doubts import find_tube_doubts
-from strand.reconstruction.tubes.tube_ends import extend_hidden_ends
+from strand.reconstruction.tubes.tube_ends import extend_hidden_ends, measure_unseen
 from strand.reconstruction.tubes.tube_nodes import make_chains
 from strand.reconstruction.tubes.whole_ropes import cut_to_ropes, fit_ropes
 
@@ -148,14 +148,14 @@ def _build_answer(
         radii_sd = radii.sd[ropes.nodes.classes]
     else:
         radii_sd = radii.cap(add_noise_deviation(fit.radii, fit.radii_sd, fit.sigma))[fit.radius_classes]
-    whole = extend_hidden_ends(fit, parts, closed, visibility)
+    unseen = measure_unseen(fit, parts, closed, visibility)
+    whole = extend_hidden_ends(fit, parts, unseen)
     # joins refer to chains by their numbers, longest first
     chains = sorted(make_chains(fit, whole, closed, radii_sd, config), key=lambda chain: -chain.length)
     if not chains:
         raise NotEnoughDataError("views: the points make no rope; is the radius right, in metres?")
     joins = list_joins(ropes.by_class, chains, config.linking)
-    open_parts = [None if ring else part for part, ring in zip(parts, closed, strict=True)]
-    doubts = find_tube_doubts(ropes.by_class, joins, open_parts, fit, visibility)
+    doubts = find_tube_doubts(ropes.by_class, joins, parts, fit, unseen)
     run.warnings.extend(warn_about_fit(fit, ropes.noise, radii, observed.numbers, config))
     run.warnings.extend(warn_about_answer(chains, doubts, visibility, observed.bounds, config.linking))
     return Found(

@@ -26,8 +26,8 @@ _PHANTOM = 1.0  # radii: a stretch this long that cameras saw through is no rope
 
 def find_unexplained(fit: TubeFit) -> np.ndarray:
     """Return (N,) which points no curve explains: they lie off all surfaces, or where none could be seen."""
-    radii = fit.radii[fit.radius_classes[fit.curve]]
-    tolerance = np.maximum(EXPLAINED_SIGMAS * fit.sigma, EXPLAINED_RADII * radii)
+    radii = fit.radii[fit.radius_classes]
+    tolerance = np.maximum(EXPLAINED_SIGMAS * fit.sigma, EXPLAINED_RADII * radii)[fit.curve]
     return np.asarray(~(fit.explained & (np.abs(fit.residual) < tolerance)))
 
 

@@ -10,10 +10,9 @@ from strand._core import TubeFit
 from strand.geometry.curve import Curve
 from strand.geometry.polyline import path_length
 from strand.reconstruction.evidence.confidence import MIN_DOUBT, SCALE, USUAL_NOISE, doubt_margin
-from strand.reconstruction.evidence.visibility import Visibility
 from strand.reconstruction.tubes.hypotheses import Hypothesis, ScoredHypothesis, measure_prior_cost
 from strand.reconstruction.tubes.joins import ByClass, run_through
-from strand.reconstruction.tubes.tube_ends import find_extents, measure_unseen
+from strand.reconstruction.tubes.tube_ends import find_extents
 from strand.ropes.doubt import Doubt, Join
 from strand.support.checks import Array, round_to_millimeters
 
@@ -34,7 +33,7 @@ def find_tube_doubts(
     joins: Sequence[Join],
     parts: Sequence[Curve | None],
     fit: TubeFit,
-    visibility: Visibility,
+    unseen: Sequence[tuple[float, float] | None],
 ) -> tuple[Doubt, ...]:
     """Return the doubts about an answer, the greatest first.
 
@@ -48,15 +47,16 @@ def find_tube_doubts(
     joins : sequence of Join
         Joins of the best hypotheses.
     parts : sequence of (Curve or None)
-        The stretch of each fitted curve that is rope; None for closed ones too.
+        The stretch of each fitted curve that is rope.
     fit : TubeFit
         The last fit.
-    visibility : Visibility
+    unseen : sequence of ((float, float) or None)
+        From `measure_unseen`, for these parts.
     """
     found = [_doubt_join(join) for join in joins]
     for scored in filter(None, by_class):
         found += _doubt_decision(scored, fit.sigma)
-    found += _doubt_ends(parts, fit, visibility)
+    found += _doubt_ends(parts, fit, unseen)
     found.append(doubt_stray_points(float(fit.inlier.mean())))
     found = [doubt for doubt in found if doubt.amount > MIN_DOUBT]
     return tuple(sorted(found, key=lambda doubt: -doubt.amount))
@@ -118,11 +118,14 @@ def _locate_difference(best: Hypothesis, rival: Hypothesis) -> Array | None:
     return None
 
 
-def _doubt_ends(parts: Sequence[Curve | None], fit: TubeFit, visibility: Visibility) -> list[Doubt]:
+def _doubt_ends(
+    parts: Sequence[Curve | None], fit: TubeFit, unseen: Sequence[tuple[float, float] | None]
+) -> list[Doubt]:
     """Return doubts about ends that few points show, or beyond which no camera saw."""
     found = []
-    for number, (kept, whole) in enumerate(zip(parts, find_extents(fit, exclusive=False), strict=True)):
-        if kept is None:
+    extents = find_extents(fit, exclusive=False)
+    for number, (kept, hidden, whole) in enumerate(zip(parts, unseen, extents, strict=True)):
+        if kept is None or hidden is None:
             continue
         r = fit.radius(number)
         curve = Curve.whole(kept.control)
@@ -138,7 +141,7 @@ def _doubt_ends(parts: Sequence[Curve | None], fit: TubeFit, visibility: Visibil
             reasons = []
             if few or abs(end - other) > _MAX_MOVE * r:
                 reasons.append("few points show it")
-            if measure_unseen(kept, late, visibility, r) > _MAX_UNSEEN * r:
+            if hidden[late] > _MAX_UNSEEN * r:
                 reasons.append("it may go on where no camera saw")
             found += [Doubt("end", _END, "where the rope ends", reason, place) for reason in reasons]
     return found

@@ -39,29 +39,40 @@ def find_extents(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
     ]
 
 
-def measure_unseen(part: Curve, late: bool, visibility: Visibility, radius: float) -> float:
-    """Return the distance from an end straight on to the first space that cameras saw free, metres.
+def measure_unseen(
+    fit: TubeFit, parts: Sequence[Curve | None], closed: Sequence[bool], visibility: Visibility
+) -> list[tuple[float, float] | None]:
+    """Return how far straight on from the two ends of each open rope cameras saw free space first, metres.
 
-    `late` chooses the end of greater arc length. The distance is infinite if it is over four radii.
+    A distance is infinite if it is over four radii. Rings and lost curves have none.
     """
-    end, inner = part.place_at([part.length, part.length - radius] if late else [0.0, radius])
-    outward = (end - inner) / max(float(np.linalg.norm(end - inner)), np.finfo(float).tiny)
-    through = visibility.seen_through(end + radius * _AHEAD[:, None] * outward, outward, radius)
-    return float(_AHEAD[through.argmax()] * radius) if through.any() else float("inf")
+
+    def measure(part: Curve, late: bool, radius: float) -> float:
+        end, inner = part.place_at([part.length, part.length - radius] if late else [0.0, radius])
+        outward = (end - inner) / max(float(np.linalg.norm(end - inner)), np.finfo(float).tiny)
+        through = visibility.seen_through(end + radius * _AHEAD[:, None] * outward, outward, radius)
+        return float(_AHEAD[through.argmax()] * radius) if through.any() else float("inf")
+
+    return [
+        None if part is None or ring else (measure(part, False, radius), measure(part, True, radius))
+        for part, ring, radius in zip(parts, closed, map(fit.radius, range(len(parts))), strict=True)
+    ]
 
 
 def extend_hidden_ends(
-    fit: TubeFit, parts: Sequence[Curve | None], closed: Sequence[bool], visibility: Visibility
+    fit: TubeFit, parts: Sequence[Curve | None], unseen: Sequence[tuple[float, float] | None]
 ) -> list[Curve | None]:
-    """Extend ropes that end where no camera saw to the middle of the stretch where they may end."""
+    """Extend ropes that end where no camera saw to the middle of the stretch where they may end.
+
+    `unseen` is from `measure_unseen`.
+    """
     longer = list(parts)
-    for number, (part, ring) in enumerate(zip(parts, closed, strict=True)):
-        if part is None or ring:
+    for number, (part, hidden) in enumerate(zip(parts, unseen, strict=True)):
+        if part is None or hidden is None:
             continue
-        r = fit.radius(number)
+        r, (early, late) = fit.radius(number), hidden
         whole = Curve.whole(part.control)
         start, stop = whole.arc_length_at([part.start, part.stop])
-        early, late = (measure_unseen(part, end, visibility, r) for end in (False, True))
         if _UNSEEN[0] * r <= early <= _UNSEEN[1] * r:
             start = max(start - 0.5 * early, 0.0)
         if _UNSEEN[0] * r <= late <= _UNSEEN[1] * r:
