@@ -104,6 +104,8 @@ def _observe_end(
     fit = scene.fit
     r = fit.radius(number)
     views = fit.view[near]
+    # the points come view by view
+    starts = np.searchsorted(views, np.arange(len(scene.cameras) + 1)).tolist()
     stretch = part.length - r * _STEPS if late else r * _STEPS
     inside, tangents, _ = part.at(np.clip(stretch, 0.0, part.length))
     outward = tangents[0] if late else -tangents[0]
@@ -116,13 +118,13 @@ def _observe_end(
     seen = []
     for view, camera in enumerate(scene.cameras):
         to_camera = camera - inside[0]
-        cosine = float(to_camera @ outward / np.linalg.norm(to_camera))
+        cosine = float(to_camera @ outward) / math.sqrt(to_camera @ to_camera)
         if not _COSINES[0] < cosine < _COSINES[1] or _core.occludes(others, inside, camera, _HIDING * r):
             continue
         if view in outside:
             continue
-        seen_here = views == view
-        measured = _find_end(inwards[seen_here], weight[seen_here], r, math.sqrt(1.0 - cosine**2))
+        here = slice(starts[view], starts[view + 1])
+        measured = _find_end(inwards[here], weight[here], r, math.sqrt(1.0 - cosine**2))
         if measured is None:
             continue
         offset, width = measured

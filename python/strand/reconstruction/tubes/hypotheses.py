@@ -238,8 +238,10 @@ def rank_hypotheses(
         merged = [nodes for nodes, _ in chain_arcs(arcs, match_ends(costs, _OBVIOUS_COST)[0], evidence)]
         for back in _CUT_BACK if len(merged) < len(arcs) else ():
             parts = cut_at_contacts(merged, radius, config, back)
-            if len(parts) > len(merged):
-                contest.try_arcs(parts)
+            if len(parts) <= len(merged):
+                # cut back farther, there are no more of them
+                break
+            contest.try_arcs(parts)
     if contest.scored:
         _try_without_doubtful_joins(contest)
     return contest.rank()

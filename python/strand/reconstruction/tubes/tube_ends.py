@@ -143,10 +143,9 @@ def estimate_end_deviations(
     def estimate(near: np.ndarray, outward: Array) -> float:
         views, to_camera = fit.view[near], fit.to_camera[near]
         total, variance, doubts = 0, 0.0, 0.0
-        for view, count in enumerate(np.bincount(views).tolist()):
-            if not count:
-                continue
-            cosine = float(to_camera[views == view].sum(axis=0) @ outward) / count
+        # the points come view by view
+        for count in filter(None, np.bincount(views).tolist()):
+            cosine = float(to_camera[total : total + count].sum(axis=0) @ outward) / count
             cosine = min(max(cosine, -_MAX_COSINE), _MAX_COSINE)
             width = estimate_pixel_width(count, length, math.sqrt(1.0 - cosine**2), radius)
             total += count
