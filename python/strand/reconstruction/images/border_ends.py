@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from strand._core import ImageFit, RopeImages
 from strand.geometry.polyline import path_length
@@ -43,8 +44,9 @@ def doubt_ends_at_border(
     outward = np.stack([chains[number].tangents[[0, -1]] * _OUTWARD for number in numbers])
     radii = np.array([chains[number].radius for number in numbers])
     places = np.stack([ends, ends + _AHEAD * radii[:, None, None] * outward])
-    at, ahead = _measure_margins(images, places.reshape(-1, 3)).reshape(2, len(numbers), 2)
-    for k, which in np.argwhere((at < _NEAR * radii[:, None]) | (ahead < 0.0)).tolist():
+    margins = np.stack([_NEAR * radii, np.zeros(len(radii))]).repeat(2)
+    inside = _are_inside(images, places.reshape(-1, 3), margins).reshape(2, len(numbers), 2)
+    for k, which in np.argwhere(~inside.all(axis=0)).tolist():
         found.append((Doubt("cut end", _DOUBT, "where a rope ends", reason, ends[k, which]), (numbers[k],)))
     return found
 
@@ -60,7 +62,7 @@ def straighten_border_ends(
     if not views or not chains:
         return fit
     ends = np.concatenate([nodes[[0, -1]] for nodes in chains])
-    if (_measure_margins(views, ends) >= _BIASED * radius).all():
+    if _are_inside(views, ends, _BIASED * radius).all():
         return fit
     for number, nodes in enumerate(chains):
         for _ in range(2):
@@ -75,7 +77,7 @@ def straighten_border_ends(
 def _straighten_end(nodes: Array, views: Sequence[DepthImage], radius: float) -> Array:
     """Return a rope whose last end, if it turns along the border, goes straight on to it instead."""
     s = path_length(nodes)
-    inside = _measure_margins(views, nodes) >= _BIASED * radius
+    inside = _are_inside(views, nodes, _BIASED * radius)
     if inside[-1] or not inside.any():
         return nodes
     last = len(nodes) - 1 - int(inside[::-1].argmax())
@@ -90,20 +92,20 @@ def _straighten_end(nodes: Array, views: Sequence[DepthImage], radius: float) ->
         return nodes
     step = s[-1] / (len(nodes) - 1)
     added = nodes[last] + np.arange(step, _MAX_EXTENSION * radius, step)[:, None] * ahead
-    shown = _measure_margins(views, added) >= 0.0
+    shown = _are_inside(views, added, 0.0)
     return np.vstack([nodes[: last + 1], added[: int(np.append(shown, False).argmin())]])
 
 
-def _measure_margins(images: Sequence[DepthImage], places: Array) -> Array:
-    """(N,) Return how far places (N, 3) are inside the border of one of the images, metres.
-
-    It is that of the image that shows most around a place, and -inf behind all cameras.
-    """
-    margins = np.full(len(places), -np.inf)
+def _are_inside(images: Sequence[DepthImage], places: Array, margins: Array | float) -> NDArray[np.bool_]:
+    """(N,) Tell which places (N, 3) lie inside the border of one of the images, by margins in metres."""
+    inside = np.zeros(len(places), dtype=bool)
+    margins = np.broadcast_to(margins, len(places))
     for image in images:
+        if inside.all():
+            break
         seen = (places - image.pose[:3, 3]) @ image.pose[:3, :3]
         ahead = seen[:, 2] > 0.0
         half = 0.5 * np.array(image.depth.shape[::-1])
         pixels = (half - np.abs(image.camera.project(seen[ahead]) + 0.5 - half)).min(axis=1)
-        margins[ahead] = np.maximum(margins[ahead], pixels * seen[ahead, 2] / min(image.camera.focal))
-    return margins
+        inside[ahead] |= pixels * seen[ahead, 2] / min(image.camera.focal) >= margins[ahead]
+    return inside
