@@ -50,6 +50,8 @@ class Hypothesis:
         Nodes of the ropes that are too short, metres.
     radius : float
         Of the ropes, metres.
+    free_end : float
+        Cost of an end that is not joined.
     """
 
     costs: JoinCosts
@@ -58,6 +60,12 @@ class Hypothesis:
     matching_cost: float
     dropped: tuple[Array, ...]
     radius: float
+    free_end: float
+
+    @lazy_property
+    def detours(self) -> dict[Pair, tuple[list[Pair], float]]:
+        """The joins of least cost without each of its own, and that cost."""
+        return {pair: match_ends(self.costs, self.free_end, [pair]) for pair in self.joins}
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +134,9 @@ def make_hypothesis(
         made = chain_arcs_to_length(arcs, joins, evidence)
     chains = [chain for chain in made if is_long_enough(chain)]
     dropped = tuple(chain[0] for chain in made if not is_long_enough(chain))
-    return Hypothesis(costs, tuple(joins), chains, cost, dropped, radius) if chains else None
+    if not chains:
+        return None
+    return Hypothesis(costs, tuple(joins), chains, cost, dropped, radius, config.free_end)
 
 
 def _keep_nearest(costs: JoinCosts, pairs: Sequence[Pair]) -> Sequence[Pair]:
@@ -249,12 +259,12 @@ def rank_hypotheses(
 
 def _try_without_doubtful_joins(contest: _Contest) -> None:
     """Try the best hypothesis without each join that costs little more to drop, or that may be wrong."""
-    prior, free_end = contest.evidence.prior, contest.evidence.config.free_end
+    prior = contest.evidence.prior
     first = contest.rank()[0]
     best = first.hypothesis
     tries = sorted(
-        (match_ends(best.costs, free_end, [pair])[1] - best.matching_cost, pair)
-        for pair in best.joins
+        (cost - best.matching_cost, pair)
+        for pair, (_, cost) in best.detours.items()
         if pair in best.costs.costs
     )
     too_few = prior.ropes is not None and len(best.chains) < prior.ropes

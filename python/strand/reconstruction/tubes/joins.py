@@ -7,11 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 import strand._core as _core
-from strand.config import Linking
 from strand.geometry.polyline import path_length
 from strand.reconstruction.courses import Chains
 from strand.reconstruction.tubes.hypotheses import ScoredHypothesis
-from strand.reconstruction.tubes.matching import match_ends
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Alternative, Join
 from strand.support.checks import Array
@@ -24,9 +22,9 @@ _DETOUR_FACTOR = 1.6  # times the distance of two places: a chain joins them on 
 _DETOUR_RADII = 4.0  # radii: and longer by this
 
 
-def list_joins(by_class: ByClass, chains: Sequence[Chain], config: Linking) -> tuple[Join, ...]:
+def list_joins(by_class: ByClass, chains: Sequence[Chain]) -> tuple[Join, ...]:
     """Return the joins of the answer, the least certain first."""
-    joins = [join for scored in filter(None, by_class) for join in _rate_joins(scored, chains, config)]
+    joins = [join for scored in filter(None, by_class) for join in _rate_joins(scored, chains)]
     return tuple(sorted(joins, key=lambda join: join.margin))
 
 
@@ -41,15 +39,14 @@ def list_alternatives(by_class: ByClass) -> tuple[Alternative, ...]:
     return tuple(sorted(others, key=lambda other: other.cost))
 
 
-def _rate_joins(scored: Sequence[ScoredHypothesis], chains: Sequence[Chain], config: Linking) -> list[Join]:
+def _rate_joins(scored: Sequence[ScoredHypothesis], chains: Sequence[Chain]) -> list[Join]:
     """Return the joins of the best hypothesis, the first, which became the chains."""
     best = scored[0].hypothesis
     costs = best.costs
     joins = []
-    for pair in best.joins:
+    for pair, (without, cost) in best.detours.items():
         a, b = (costs.locate_end(end) for end in pair)
         place = 0.5 * (a + b)
-        without, cost = match_ends(costs, config.free_end, [pair])
         rivals = [
             other.cost for other in scored[1:] if not run_through(other.hypothesis.chains, a, b, best.radius)
         ]

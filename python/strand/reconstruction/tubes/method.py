@@ -154,7 +154,7 @@ def _build_answer(
     chains = sorted(make_chains(fit, whole, closed, radii_sd, config), key=lambda chain: -chain.length)
     if not chains:
         raise NotEnoughDataError("views: the points make no rope; is the radius right, in metres?")
-    joins = list_joins(ropes.by_class, chains, config.linking)
+    joins = list_joins(ropes.by_class, chains)
     doubts = find_tube_doubts(ropes.by_class, joins, parts, fit, unseen)
     run.warnings.extend(warn_about_fit(fit, ropes.noise, radii, observed.numbers, config))
     run.warnings.extend(warn_about_answer(chains, doubts, visibility, observed.bounds, config.linking))

@@ -41,6 +41,6 @@ def test_alternatives_come_with_their_additional_cost(collected, tmp_path):
 
 def test_a_hypothesis_that_explains_nothing_is_no_alternative(paper_model):
     chains = [(chain.points, chain.closed) for chain in paper_model.chains]
-    one = Hypothesis(JoinCosts((), {}), (), chains, 0.0, (), 0.01)
+    one = Hypothesis(JoinCosts((), {}), (), chains, 0.0, (), 0.01, 2.5)
     scored = [ScoredHypothesis(one, partial(float, cost), 0.0) for cost in (2.0, 3.5, np.inf)]
     assert [other.cost for other in list_alternatives([scored, scored[2:], []])] == [1.5]
