@@ -12,19 +12,19 @@ __all__ = [
     "EndObservation", "IcpResult", "ImageFit", "NotEnoughDataError", "RopeImages", "RopeMask", "StrandError",
     "TubeFit", "TubeQueries", "Visibility", "__version__", "average_residuals", "bridge", "centerline",
     "convert_to_lab", "convolved", "copy_constant", "copy_depth", "count_cores", "count_disc_pairs",
-    "count_mask_parts", "count_neighbors", "count_neighbors_each", "count_odd_pixels",
+    "count_mask_parts", "count_neighbors", "count_neighbors_each", "count_odd_pixels", "count_seen",
     "count_typical_neighbors", "count_voxels", "crop_images", "crop_points", "draw_knot", "draw_ropes",
     "end_direction", "estimate_normals", "estimate_normals_each", "estimate_radii", "evaluate_spline",
     "find_arc_lengths", "find_centroids", "find_color_pieces", "find_contacts", "find_crossed_segments",
     "find_extents", "find_linking_number", "find_median", "find_nearest", "find_order_probability",
-    "find_overlaps", "find_parameters", "find_pieces_beside", "find_plane", "find_short_outlines",
-    "find_squared_distances", "find_standing", "find_strip_middles", "find_tabletop", "find_values_near",
-    "fit_spline", "fit_tubes", "icp", "identify_knot", "interpolate", "measure_behind", "measure_bending",
-    "measure_depth_bends", "measure_edge_distances", "measure_heights", "measure_linear_scatter",
-    "measure_plane_errors", "measure_shift", "measure_variances", "num_threads", "number_blobs", "occludes",
-    "path_length", "price_join", "propagate_covariances", "radius_outlier_mask", "register_in_turn",
-    "select_beside", "set_num_threads", "straighten", "tabulate_arc_length", "trace_chains",
-    "trace_skeleton", "trace_tubes", "track_frame", "unproject",
+    "find_overlaps", "find_parameters", "find_pieces_beside", "find_plane", "find_runs", "find_seen_ends",
+    "find_short_outlines", "find_squared_distances", "find_standing", "find_strip_middles", "find_tabletop",
+    "find_values_near", "fit_spline", "fit_tubes", "icp", "identify_knot", "interpolate", "measure_behind",
+    "measure_bending", "measure_depth_bends", "measure_edge_distances", "measure_heights",
+    "measure_linear_scatter", "measure_plane_errors", "measure_shift", "measure_variances", "num_threads",
+    "number_blobs", "occludes", "path_length", "price_join", "propagate_covariances", "radius_outlier_mask",
+    "register_in_turn", "select_beside", "set_num_threads", "straighten", "tabulate_arc_length",
+    "trace_chains", "trace_skeleton", "trace_tubes", "track_frame", "unproject",
 ]
 # fmt: on
 
@@ -474,6 +474,14 @@ def trace_tubes(
     min_nodes: SupportsIndex = 4,
     nonfinite: _NonFinite = "raise",
 ) -> list[tuple[_Floats, _Floats]]: ...
+def find_seen_ends(
+    inwards: ArrayLike,
+    weights: ArrayLike,
+    starts: Sequence[int],
+    inside: tuple[float, float],
+    most: float,
+    fewest: int,
+) -> list[tuple[float, int, float] | None]: ...
 def fit_tubes(
     points: Sequence[ArrayLike],
     viewpoints: ArrayLike,
@@ -513,6 +521,7 @@ def propagate_covariances(covariances: ArrayLike, parameters: ArrayLike) -> _Flo
 def find_contacts(
     polylines: Sequence[ArrayLike], distance: float, apart: float
 ) -> list[tuple[int, int, int]]: ...
+def find_runs(marked: _Bools) -> _Ints: ...
 def path_length(nodes: ArrayLike) -> _Floats: ...
 def end_direction(nodes: ArrayLike, skip: float, span: float) -> _Floats: ...
 def bridge(
@@ -528,6 +537,7 @@ def find_crossed_segments(
     nodes: _Floats, segments: _Ints, most: int | None = None
 ) -> tuple[_Ints, _Floats, NDArray[np.int8]]: ...
 def count_typical_neighbors(points: ArrayLike, radius: float) -> int: ...
+def count_seen(arc_lengths: _Floats, views: _Ints, nodes: ArrayLike) -> tuple[_Ints, _Ints]: ...
 def count_voxels(points: Sequence[ArrayLike], side: float) -> int: ...
 def measure_variances(points: ArrayLike, places: ArrayLike, reach: float, fewest: int) -> _Floats: ...
 def measure_depth_bends(

@@ -96,6 +96,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(views::crop_points, module)?)?;
     module.add_function(wrap_pyfunction!(views::crop_images, module)?)?;
     module.add_function(wrap_pyfunction!(density::count_typical_neighbors, module)?)?;
+    module.add_function(wrap_pyfunction!(density::count_seen, module)?)?;
     module.add_function(wrap_pyfunction!(density::count_voxels, module)?)?;
     module.add_function(wrap_pyfunction!(density::find_nearest, module)?)?;
     module.add_function(wrap_pyfunction!(density::find_squared_distances, module)?)?;
@@ -114,6 +115,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(centerline::trace_chains, module)?)?;
     module.add_function(wrap_pyfunction!(tubes::estimate_radii, module)?)?;
     module.add_function(wrap_pyfunction!(tubes::trace_tubes, module)?)?;
+    module.add_function(wrap_pyfunction!(tubes::find_seen_ends, module)?)?;
     module.add_function(wrap_pyfunction!(fit::fit_tubes, module)?)?;
     module.add_function(wrap_pyfunction!(fit::find_extents, module)?)?;
     module.add_function(wrap_pyfunction!(fit::average_residuals, module)?)?;
@@ -127,6 +129,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(curves::find_contacts, module)?)?;
     module.add_function(wrap_pyfunction!(curves::find_overlaps, module)?)?;
     module.add_function(wrap_pyfunction!(curves::find_crossed_segments, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::find_runs, module)?)?;
     module.add_function(wrap_pyfunction!(curves::path_length, module)?)?;
     module.add_function(wrap_pyfunction!(curves::end_direction, module)?)?;
     module.add_function(wrap_pyfunction!(curves::bridge_nodes, module)?)?;

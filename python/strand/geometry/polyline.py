@@ -9,7 +9,7 @@ import numpy as np
 import rustworkx as rx
 from numpy.typing import ArrayLike, NDArray
 
-from strand._core import bridge, end_direction, interpolate, path_length
+from strand._core import bridge, end_direction, find_runs, interpolate, path_length
 from strand.support.checks import Array, to_array
 
 __all__ = [
@@ -35,16 +35,6 @@ def check_node_values(name: str, value: ArrayLike, shape: tuple[int, ...], count
     if counts and (array < 0).any():
         raise ValueError(f"{name}: expected counts, got negative numbers")
     return array
-
-
-def find_runs(marked: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return (K, 2) the first node of each marked stretch, and the one after its last."""
-    if not marked.any():
-        return np.empty((0, 2), dtype=np.int64)
-    padded = np.zeros(len(marked) + 2, dtype=bool)
-    padded[1:-1] = marked
-    edges = np.flatnonzero(padded[1:] != padded[:-1])
-    return edges.astype(np.int64, copy=False).reshape(-1, 2)
 
 
 def order_segments(count: int, joins: Sequence[tuple[int, int]]) -> list[tuple[list[int], bool]]:

@@ -372,7 +372,8 @@ def _check_pose(pose: ArrayLike | None) -> Array:
 
 def cropped(views: Sequence[View], bounds: Box) -> tuple[View, ...]:
     """Return views with only the points inside a checked extraction range, as `View.crop` does."""
-    motions = [bounds.express_pose(view.pose) for view in views]
+    # the poses of views are checked
+    motions = [view.pose if bounds.pose is None else bounds.express_pose(view.pose) for view in views]
     # of depth images, only the points inside are un-projected
     images = {
         k: view.measured

@@ -28,6 +28,34 @@ pub fn interpolate_rows(places: &[f64], known: &[f64], values: &[f64]) -> Vec<f6
     rows
 }
 
+/// Returns the first node of each marked stretch, and the one after its last.
+pub fn find_runs(marked: &[bool]) -> Vec<[usize; 2]> {
+    let mut runs = Vec::new();
+    let mut next = 0;
+    while let Some(ahead) = marked[next..].iter().position(|&is_marked| is_marked) {
+        let start = next + ahead;
+        let length = marked[start..].iter().position(|&is_marked| !is_marked);
+        next = length.map_or(marked.len(), |length| start + length);
+        runs.push([start, next]);
+    }
+    runs
+}
+
+/// Counts the points that are nearest to each of some nodes, and the views that they come from.
+///
+/// Points are given by their arc lengths and views, view by view. Nodes are `spacing` apart along the same curve.
+pub fn count_seen(arc_lengths: &[f64], views: &[i64], spacing: f64, nodes: usize) -> [Vec<i64>; 2] {
+    let (mut points, mut cameras, mut before) = (vec![0; nodes], vec![0; nodes], vec![None; nodes]);
+    let Some(last) = nodes.checked_sub(1) else { return [points, cameras] };
+    for (&s, &view) in arc_lengths.iter().zip(views) {
+        let nearest = ((s / spacing).round_ties_even() as usize).min(last);
+        points[nearest] += 1;
+        cameras[nearest] += i64::from(before[nearest] != Some(view));
+        before[nearest] = Some(view);
+    }
+    [points, cameras]
+}
+
 /// Resamples a polyline evenly from end to end: nodes about `step` apart, at least two.
 pub fn resampled<const N: usize>(nodes: &[[f64; N]], step: f64) -> Vec<[f64; N]> {
     let arc = arc_length(nodes);
@@ -77,6 +105,24 @@ pub fn append_directions<const N: usize>(nodes: &[[f64; N]], into: &mut Vec<[f64
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn runs_are_the_marked_stretches() {
+        let marked = |text: &str| text.chars().map(|c| c == 'x').collect::<Vec<bool>>();
+        assert!(find_runs(&[]).is_empty());
+        assert!(find_runs(&marked("...")).is_empty());
+        assert_eq!(find_runs(&marked("xx")), [[0, 2]]);
+        assert_eq!(find_runs(&marked("x..xxx.x")), [[0, 1], [3, 6], [7, 8]]);
+        assert_eq!(find_runs(&marked(".xx.")), [[1, 3]]);
+    }
+
+    #[test]
+    fn each_point_counts_at_its_nearest_node_and_each_view_once() {
+        let s = [-3.0, 0.2, 1.4, 9.0, 0.9, 1.1, 0.6];
+        let [points, cameras] = count_seen(&s, &[0, 0, 0, 0, 1, 1, 4], 1.0, 3);
+        assert_eq!((points, cameras), (vec![2, 4, 1], vec![1, 3, 1]));
+        assert_eq!(count_seen(&s, &[0; 7], 1.0, 0), [Vec::<i64>::new(), Vec::new()]);
+    }
 
     #[test]
     fn nodes_are_evenly_spaced_from_end_to_end() {

@@ -318,6 +318,16 @@ fn in_pairs<T: Element + Copy + 'static>(name: &str, array: Array<T>) -> PyResul
     Ok(array.slice().as_chunks().0.to_vec())
 }
 
+/// Return (K, 2) the first node of each marked stretch, and the one after its last.
+#[pyfunction]
+pub(super) fn find_runs<'py>(
+    py: Python<'py>,
+    marked: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray2<i64>>> {
+    let runs = polyline::find_runs(Array::flags("marked", marked, 1)?.slice());
+    array(py, runs.iter().flatten().map(|&node| node as i64).collect(), [runs.len(), 2])
+}
+
 /// Return the arc length from the first of ordered nodes to each, metres.
 #[pyfunction]
 pub(super) fn path_length<'py>(

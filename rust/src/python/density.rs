@@ -3,10 +3,14 @@
 use numpy::PyArray1;
 use pyo3::prelude::*;
 
-use super::arguments::{Points, slices};
+use super::arguments::{Array, FloatArray, Points, require_same_length, slices, wrong_shape};
 use super::arrays::{PointsArray, list, points_array};
 use super::released::{CHEAP, released, released_if_many};
 use crate::clouds::{density, proximity};
+use crate::geometry::polyline;
+
+/// A number for each node.
+type Counts<'py> = Bound<'py, PyArray1<i64>>;
 
 /// Return the median number of other points within a radius of a point; 0 without points.
 #[pyfunction]
@@ -52,6 +56,41 @@ pub(super) fn find_nearest<'py>(
     let count = points.len() + others.len();
     let found = released_if_many(py, count, move || proximity::nearest(&points, &others))??;
     list(py, found.into_iter().map(|number| number.map_or(-1, |number| number as i64)).collect())
+}
+
+/// Count the points that are nearest to each of some nodes, and the views that they come from.
+///
+/// Parameters
+/// ----------
+/// arc_lengths : (N,) array_like of float
+///     Of each point along the curve of the nodes, metres, view by view.
+/// views : (N,) ndarray of int64
+///     The points' views.
+/// nodes : (M,) array_like of float
+///     Arc lengths of the nodes, evenly spaced from 0, metres, M >= 2.
+///
+/// Returns
+/// -------
+/// points, views : (M,) ndarray of int64
+#[pyfunction]
+pub(super) fn count_seen<'py>(
+    py: Python<'py>,
+    arc_lengths: &Bound<'py, PyAny>,
+    views: &Bound<'py, PyAny>,
+    nodes: &Bound<'py, PyAny>,
+) -> PyResult<(Counts<'py>, Counts<'py>)> {
+    let arc_lengths = Array::<f64>::exactly("arc_lengths", arc_lengths, 1)?;
+    let (views, nodes) = (Array::<i64>::exactly("views", views, 1)?, FloatArray::new("nodes", nodes)?);
+    let &[start, next, ..] = nodes.slice() else {
+        return Err(wrong_shape("nodes", "(M,), M >= 2", nodes.shape()));
+    };
+    let (spacing, number) = (next - start, nodes.slice().len());
+    let count = arc_lengths.slice().len();
+    require_same_length("views", views.slice().len(), count)?;
+    let [points, cameras] = released_if_many(py, count / CHEAP, move || {
+        polyline::count_seen(arc_lengths.slice(), views.slice(), spacing, number)
+    })?;
+    Ok((list(py, points)?, list(py, cameras)?))
 }
 
 /// Return (M, 3) variances along the principal axes of the points within `reach` of each place, ascending, m^2; NaN

@@ -3,10 +3,13 @@
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
-use super::arguments::{Given, Points, Rows, Viewpoint, count, number, point};
+use super::arguments::{
+    FloatArray, Given, Points, Rows, Viewpoint, count, number, point, require_same_length,
+};
 use super::arrays::{PointsArray, array, list, points_array};
-use super::released::released;
+use super::released::{guarded, released};
 use crate::clouds::apparent_radius;
+use crate::tubes::ends;
 use crate::tubes::tracing::MIN_NODES;
 
 // the text signature of `trace_tubes` repeats this number
@@ -97,4 +100,44 @@ pub(super) fn trace_tubes<'py>(
         viewpoint.of(&rows, |of| crate::trace_tubes(&points, of, radius, min_nodes))
     })??;
     arcs.into_iter().map(|arc| Ok((points_array(py, arc.nodes)?, list(py, arc.support)?))).collect()
+}
+
+/// Find where views see an end of a rope, by the weight of the points past a place inside.
+///
+/// Parameters
+/// ----------
+/// inwards, weights : (N,) array_like of float
+///     How far inside the expected end each point lies, metres, and its weight; view by view.
+/// starts : sequence of int
+///     The number of each view's first point, and N.
+/// inside : (float, float)
+///     Distances inside the end between which the weight per length is taken, metres.
+/// most : float
+///     Ends farther from the expected place are not found, metres.
+/// fewest : int
+///     Points that a view must see between these distances.
+///
+/// Returns
+/// -------
+/// list of ((float, int, float) or None)
+///     For each view how far outside the expected place the rope ends, metres, and the points between the two distances
+///     and how long that stretch is, metres.
+#[pyfunction]
+pub(super) fn find_seen_ends(
+    inwards: &Bound<'_, PyAny>,
+    weights: &Bound<'_, PyAny>,
+    starts: Vec<usize>,
+    inside: [f64; 2],
+    most: f64,
+    fewest: usize,
+) -> PyResult<Vec<Option<(f64, usize, f64)>>> {
+    let (inwards, weights) = (FloatArray::new("inwards", inwards)?, FloatArray::new("weights", weights)?);
+    let (inwards, weights) = (inwards.slice(), weights.slice());
+    require_same_length("weights", weights.len(), inwards.len())?;
+    let find = |ends: &[usize]| {
+        let (inwards, weights) = (inwards.get(ends[0]..ends[1])?, weights.get(ends[0]..ends[1])?);
+        let end = ends::find_seen_end(inwards, weights, inside, most, fewest)?;
+        Some((end.offset, end.count, end.length))
+    };
+    guarded(|| starts.windows(2).map(find).collect())
 }

@@ -14,6 +14,8 @@ const INSIDE: [f64; 2] = [1.0, 5.0]; // distances from an end between which the 
 const REACH: f64 = 1.5; // largest distance of an end from the first full bin, radii
 const MAX_RADII: f64 = 1e6; // largest length of a curve, radii
 const MIN_POINTS: usize = 8; // points that support a curve at least
+const ROUNDS: usize = 3; // estimates of where a view sees an end, each from the one before
+const PAIRED: usize = 128; // numbers: the two halves of more are summed by themselves
 
 /// Surface points and the curves that explain them, in arrays of one length.
 #[derive(Debug, Clone, Copy)]
@@ -135,6 +137,68 @@ fn find_end(s: &[f64], length: f64, radius: f64) -> f64 {
     end.max((about - REACH * radius).max(0.0)).min(about + REACH * radius)
 }
 
+/// How a view sees an end of a rope.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct SeenEnd {
+    /// How far outside the expected place its points end, metres.
+    pub offset: f64,
+    /// The points on the stretch inside.
+    pub count: usize,
+    /// The length of this stretch, metres.
+    pub length: f64,
+}
+
+/// Finds where the points that one view saw of a rope end, by their weight past a place inside.
+///
+/// `inwards` says how far inside the expected end each point lies. The stretch between the two distances of `inside`
+/// gives the weight per length. None if that stretch has less than `fewest` points, or if the end is farther than
+/// `most` from the expected place.
+pub(crate) fn find_seen_end(
+    inwards: &[f64],
+    weights: &[f64],
+    inside: [f64; 2],
+    most: f64,
+    fewest: usize,
+) -> Option<SeenEnd> {
+    let mut found = SeenEnd { offset: 0.0, count: 0, length: 0.0 };
+    for _ in 0..ROUNDS {
+        let [near, far] = inside.map(|distance| distance - found.offset);
+        let between = |low: f64, high: f64| -> Vec<f64> {
+            let points = inwards.iter().zip(weights);
+            points.filter(|&(&s, _)| low <= s && s < high).map(|(_, &weight)| weight).collect()
+        };
+        let body = between(near, far);
+        (found.count, found.length) = (body.len(), far - near);
+        if found.count < fewest {
+            return None;
+        }
+        let density = sum_in_pairs(&body) / found.length;
+        found.offset = sum_in_pairs(&between(f64::NEG_INFINITY, near)) / density - near;
+        if found.offset.abs() > most {
+            return None;
+        }
+    }
+    Some(found)
+}
+
+/// Returns the sum of numbers, pair by pair, whose rounding grows less with their count.
+fn sum_in_pairs(values: &[f64]) -> f64 {
+    if values.len() > PAIRED {
+        let half = values.len() / 2;
+        let (first, second) = values.split_at(half - half % LANES);
+        return sum_in_pairs(first) + sum_in_pairs(second);
+    }
+    let (chunks, rest) = values.as_chunks::<LANES>();
+    let mut lanes = [0.0; LANES];
+    for chunk in chunks {
+        for (lane, value) in lanes.iter_mut().zip(chunk) {
+            *lane += value;
+        }
+    }
+    let [a, b, c, d, e, f, g, h] = lanes;
+    rest.iter().fold(((a + b) + (c + d)) + ((e + f) + (g + h)), |sum, value| sum + value)
+}
+
 /// Returns the second smallest of at least two numbers.
 fn find_second(values: &[f64]) -> f64 {
     // lane by lane, so that no comparison waits for the one before
@@ -250,6 +314,29 @@ mod tests {
             to_camera: &to_camera,
         };
         rope_extents(tubes, &[radius], &points, surface_tolerance)
+    }
+
+    #[test]
+    fn a_view_sees_an_end_where_its_points_stop() {
+        // 40 points for each radius of rope, up to 0.3 radii outside; pixels of the outer ones see half as much
+        let inwards: Vec<f64> = (0..400).map(|i| f64::from(i) / 40.0 - 0.3).collect();
+        let found = find_seen_end(&inwards, &vec![2.0; 400], [1.0, 4.0], 1.8, 12).unwrap();
+        assert!(
+            (found.offset - 0.3).abs() < 0.05 && found.count == 120 && (found.length - 3.0).abs() < 1e-12
+        );
+        let weights: Vec<f64> = inwards.iter().map(|&s| if s < 0.7 { 1.0 } else { 2.0 }).collect();
+        let short = find_seen_end(&inwards, &weights, [1.0, 4.0], 1.8, 12).unwrap();
+        assert!((short.offset + 0.2).abs() < 0.05);
+        assert_eq!(find_seen_end(&inwards, &weights, [1.0, 4.0], 0.1, 12), None);
+        assert_eq!(find_seen_end(&inwards[..50], &weights, [1.0, 4.0], 1.8, 12), None);
+    }
+
+    #[test]
+    fn sums_in_pairs_are_sums() {
+        for count in [0, 1, 7, 8, 9, 127, 128, 129, 1000] {
+            let values: Vec<f64> = (0..count).map(|i| f64::from(i % 13) - 2.5).collect();
+            assert_eq!(sum_in_pairs(&values), values.iter().sum::<f64>());
+        }
     }
 
     #[test]

@@ -81,6 +81,11 @@ calls = {{
     "find_overlaps": lambda: _core.find_overlaps(points[:99], number[:99], points[:99, 0].copy(), 0.1, 0.1),
     "find_crossed_segments": lambda: _core.find_crossed_segments(plan, lines),
     "find_crossed_segments, numbers": lambda: _core.find_crossed_segments(plan, number[:398].reshape(-1, 2)),
+    "find_runs": lambda: _core.find_runs(mask[30]),
+    "count_seen": lambda: _core.count_seen(points[:, 0].copy(), number, points[:, 1]),
+    "find_seen_ends": lambda: _core.find_seen_ends(
+        points[:, 0], points[:, 1], [0, 2000, 4000], (0.2, 0.6), 0.5, 3
+    ),
     "path_length": lambda: _core.path_length(points),
     "bridge": lambda: _core.bridge(points[:9], points[9:18], 0.1, 0.1),
     "straighten": lambda: _core.straighten(points[:40], 0.1, 0.2),

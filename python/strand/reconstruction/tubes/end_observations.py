@@ -110,24 +110,23 @@ def _observe_end(
     inside, tangents, _ = part.at(np.clip(stretch, 0.0, part.length))
     outward = tangents[0] if late else -tangents[0]
     weight = _weigh_pixels(scene.cameras[views] - fit.points[near], tangents[0])
+    near_and_far = (_INSIDE[0] * r, _INSIDE[1] * r)
+    found = _core.find_seen_ends(inwards, weight, starts, near_and_far, _MAX_OFFSET * r, _MIN_POINTS)
     others = _find_other_axes(scene.axes, number, inside)
     outside: list[int] = []
     if scene.bounds is not None:
         ahead = moved_by_each(inside[:1] + _AHEAD * r * np.outer([0, 1], outward), scene.backwards)
         outside = np.flatnonzero(~scene.bounds.holds(ahead).all(axis=1)).tolist()
     seen = []
-    for view, camera in enumerate(scene.cameras):
+    for view, (camera, end) in enumerate(zip(scene.cameras, found, strict=True)):
+        if end is None or view in outside:
+            continue
         to_camera = camera - inside[0]
         cosine = float(to_camera @ outward) / math.sqrt(to_camera @ to_camera)
         if not _COSINES[0] < cosine < _COSINES[1] or _core.occludes(others, inside, camera, _HIDING * r):
             continue
-        if view in outside:
-            continue
-        here = slice(starts[view], starts[view + 1])
-        measured = _find_end(inwards[here], weight[here], r, math.sqrt(1.0 - cosine**2))
-        if measured is None:
-            continue
-        offset, width = measured
+        offset, count, length = end
+        width = estimate_pixel_width(count, length, math.sqrt(1.0 - cosine**2), r)
         excess, doubt = estimate_excess(cosine, fit.band(number) / r)
         offset -= excess * r
         sd = math.hypot(width / math.sqrt(12.0), doubt * r)
@@ -160,20 +159,3 @@ def _weigh_pixels(ray: Array, tangent: Array) -> Array:
     square = (ray * ray).sum(axis=1)
     along = (ray @ tangent) ** 2
     return np.asarray(square / np.sqrt(np.maximum(1.0 - along / square, 0.01)))
-
-
-def _find_end(inwards: Array, weight: Array, r: float, sine: float) -> tuple[float, float] | None:
-    """Return how far outside the expected place points end, and a pixel's width along the rope, metres."""
-    offset, count = 0.0, 0
-    for _ in range(3):
-        near, far = _INSIDE[0] * r - offset, _INSIDE[1] * r - offset
-        body = (inwards >= near) & (inwards < far)
-        count = int(np.count_nonzero(body))
-        if count < _MIN_POINTS:
-            return None
-        density = weight[body].sum() / (far - near)
-        beyond = weight[inwards < near].sum()
-        offset = float(beyond / density - near)
-        if abs(offset) > _MAX_OFFSET * r:
-            return None
-    return offset, estimate_pixel_width(count, far - near, sine, r)

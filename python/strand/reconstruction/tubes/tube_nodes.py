@@ -30,7 +30,7 @@ def make_chains(
             continue
         mine = np.flatnonzero(fit.inlier & (fit.curve == number))
         place = part.arc_length_at(fit.parameter[mine])
-        counts, views = _count_seen(place, fit.view[mine], s)
+        counts, views = _core.count_seen(place, fit.view[mine], s)
         places, tangents, _ = part.at(s)
         covariance = _core.propagate_covariances(fit.covariances[number], part.parameter_at(s))
         if not ring:
@@ -54,13 +54,3 @@ def make_chains(
             )
         )
     return chains
-
-
-def _count_seen(places: Array, view: np.ndarray, nodes: Array) -> tuple[np.ndarray, np.ndarray]:
-    """Count the points that are nearest to each node, and the views that they come from."""
-    spacing = nodes[1] - nodes[0]
-    nearest = np.clip(np.rint(places / spacing).astype(np.int64), 0, len(nodes) - 1)
-    cameras = int(view.max(initial=0)) + 1
-    pairs = np.bincount(nearest * cameras + view, minlength=len(nodes) * cameras)
-    counts = pairs.reshape(len(nodes), cameras)
-    return counts.sum(axis=1), np.count_nonzero(counts, axis=1)
