@@ -103,7 +103,7 @@ def check_recordings(names, out, folder):
 def check_first_grasp(names, out, folder):
     """Check the page's figures, and that a gripper would hold the rope."""
     assert [chain.length for chain in names["first"].chains] == pytest.approx([0.373, 0.240], abs=1e-3)
-    assert names["first"].confidence == pytest.approx(0.34, abs=0.01)
+    assert names["first"].confidence == pytest.approx(0.32, abs=0.01)
     assert [chain.length for chain in names["model"].chains] == pytest.approx([0.729], abs=1e-3)
     assert names["model"].confidence == pytest.approx(0.99, abs=0.01)
     (truth,) = names["scene"].truth

@@ -25,7 +25,7 @@ const EFFICIENT: f64 = 4.685;
 /// After a smaller step, points stay on their curves, and the search starts at their foot points; standard deviations
 /// of the unknowns.
 const SETTLED: f64 = 2.0;
-const FIRST_STEPS: usize = 1; // steps before Tukey's limit follows the scatter of the residuals
+const FIRST_STEPS: usize = 2; // steps before Tukey's limit follows the scatter of the residuals
 /// The data fix a direction of a pose if its standard deviation is below this share of the reported pose's.
 const FIXED: f64 = std::f64::consts::FRAC_1_SQRT_2;
 const HOLD: f64 = 1e4; // in other directions the view is held with this multiple of the reported precision
