@@ -105,10 +105,12 @@ def _cut_fine_mask(
         part, table, bounds, radius, ROUNDNESS * radius, [WEIGHT_BY_MASK], steps=STEPS_BY_MASK
     )
     own = mask & outlined.mask
+    if shown > MAX_SHARE * pixels or np.array_equal(own, mask):
+        return image  # nothing stands out, or nothing but the ropes is in the mask
     slimmed = _mark(image, window, own)
     slim = slimmed.mask_radius
-    if outlined is part or slim is None or slim < _MIN_SHARE * pixels or shown > MAX_SHARE * pixels:
-        return image  # nothing stands out, or parts of ropes
+    if slim is None or slim < _MIN_SHARE * pixels:
+        return image  # parts of ropes stand out
     excess = max(shown - slim, 0.0)
     reach = excess + _REACH
     bare = mask & (_core.measure_edge_distances(~own, int(reach) + 2) > reach)
