@@ -5,12 +5,12 @@
 //! in each process. A pool ends when the number of threads changes and its work is done.
 //!
 //! Python's main thread may give up work at Ctrl-C. Such work has a pool of its own. Its threads learn that nobody
-//! waits for them, and stop at the next [`go_on`]. If one thread shall do all the work, the main thread does it itself,
-//! as [`watched`] says: handing over costs as much as many short kernels take.
+//! waits for them, and stop at the next [`go_on`].
 
 use std::any::Any;
+use std::cell::OnceCell;
 use std::marker::PhantomData;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -18,12 +18,6 @@ use std::time::Duration;
 
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
-
-mod patience;
-
-pub(crate) use patience::{go_on, was_given_up};
-
-use patience::{is_worker, join_pool, watch};
 
 /// A pool and its number of threads.
 struct Pool {
@@ -59,6 +53,14 @@ pub(crate) const VARIABLE: &str = "STRAND_NUM_THREADS"; // the environment varia
 const VALUES_PER_TASK: usize = 1 << 16; // values of an image that one task works on
 /// Rows of an image that one task works on, at least: some tasks need the rows beside theirs too.
 const MIN_ROWS_PER_TASK: usize = 32;
+
+thread_local! {
+    /// Whether nobody waits for this thread's pool any more; only threads of pools have it.
+    static GIVEN_UP: OnceCell<Arc<AtomicBool>> = const { OnceCell::new() };
+}
+
+/// The panic payload of work that was given up.
+struct GivenUp;
 
 /// Sets how many threads the kernels use from now on, at most 256; 0 means one for each core that there is now.
 ///
@@ -120,25 +122,29 @@ pub(crate) fn run<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     }
 }
 
+/// Returns whether this thread belongs to a pool of this module.
+fn is_worker() -> bool {
+    GIVEN_UP.with(|given_up| given_up.get().is_some())
+}
+
 /// Runs `work` if the system gives no threads, or shall give none: this thread becomes a pool of its own, permanently.
 pub(crate) fn alone<T>(work: impl FnOnce() -> T) -> T {
     if is_worker() {
         return work();
     }
     if let Ok(pool) = ThreadPoolBuilder::new().num_threads(1).use_current_thread().build() {
-        join_pool(Arc::default());
+        GIVEN_UP.with(|given_up| given_up.get_or_init(Arc::default).store(false, Ordering::Relaxed));
         std::mem::forget(pool);
     }
     work()
 }
 
-/// Runs `work` on this thread alone, and asks each `every` whether it goes on; if not, it ends at the next [`go_on`].
-pub(crate) fn watched<T>(
-    question: fn() -> bool,
-    every: Duration,
-    work: impl FnOnce() -> T,
-) -> std::thread::Result<T> {
-    watch(question, every, || alone(work))
+/// Ends this thread's work if nobody waits for it any more. Long loops call it now and then.
+#[inline]
+pub(crate) fn go_on() {
+    if GIVEN_UP.with(|given_up| given_up.get().is_some_and(|given_up| given_up.load(Ordering::Relaxed))) {
+        resume_unwind(Box::new(GivenUp));
+    }
 }
 
 /// Work that runs in a pool.
@@ -187,6 +193,11 @@ impl<T> Begun<T> {
             *current = None;
         }
     }
+}
+
+/// Returns whether a panic means that work was given up, not that there is a defect.
+pub(crate) fn was_given_up(panic: &(dyn Any + Send)) -> bool {
+    panic.is::<GivenUp>()
 }
 
 /// Applies work that may fail to each of several things, in parallel.
@@ -262,7 +273,7 @@ fn build(given: usize, threads: usize) -> Option<Pool> {
     let pool = ThreadPoolBuilder::new()
         .num_threads(given)
         .thread_name(|i| format!("strand-{i}"))
-        .start_handler(move |_| join_pool(theirs.clone()))
+        .start_handler(move |_| GIVEN_UP.with(|given_up| given_up.set(theirs.clone()).unwrap_or_default()))
         .build()
         .ok()?;
     Some(Pool { threads, pool, given_up })
@@ -382,26 +393,6 @@ mod tests {
         }
         let Ok(mut begun) = begin(Caller::Hasty, || map(&[1, 2, 3], |x| x + 1)) else { panic!("no threads") };
         assert_eq!(begun.wait(None).unwrap().unwrap(), [2, 3, 4]);
-    }
-
-    #[test]
-    fn watched_work_ends_when_it_may_not_go_on_and_the_next_is_done() {
-        let every = Duration::from_millis(1);
-        let forever = || -> Vec<usize> {
-            map(&[1, 2, 3], |_| {
-                loop {
-                    go_on();
-                }
-            })
-        };
-        let refused = watched(|| false, every, forever).unwrap_err();
-        assert!(was_given_up(refused.as_ref()));
-        // a handler that runs meanwhile may begin work of its own
-        let within = || watched(|| false, Duration::ZERO, || map(&[1], |x| x + 1)).is_ok();
-        assert!(watched(within, every, forever).is_err());
-        let thread = std::thread::current().id();
-        let own = || map(&[1, 2, 3], |x| (x + 1, std::thread::current().id()));
-        assert_eq!(watched(|| true, Duration::ZERO, own).unwrap(), [(2, thread), (3, thread), (4, thread)]);
     }
 
     #[test]

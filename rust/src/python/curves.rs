@@ -226,7 +226,7 @@ pub(super) fn find_contacts(
     let polylines = Points::all("polylines", &polylines)?;
     let nodes: usize = polylines.iter().map(|polyline| polyline.len()).sum();
     // every end with every node
-    let effort = nodes.saturating_mul(2 * polylines.len() / 16);
+    let effort = nodes.saturating_mul(2 * polylines.len()) / CHEAP;
     let found =
         released_if_many(py, effort, move || contacts::find_contacts(&slices(&polylines), distance, apart))?;
     Ok(found.iter().map(|contact| (contact.end, contact.polyline, contact.node)).collect())

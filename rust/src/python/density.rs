@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use super::arguments::{Array, FloatArray, Points, require_same_length, slices, wrong_shape};
 use super::arrays::{PointsArray, list, points_array};
 use super::released::{CHEAP, released, released_if_many};
+use crate::checks::check_positive;
 use crate::clouds::{density, proximity};
 use crate::geometry::polyline;
 
@@ -63,7 +64,7 @@ pub(super) fn find_nearest<'py>(
 /// Parameters
 /// ----------
 /// arc_lengths : (N,) array_like of float
-///     Of each point along the curve of the nodes, metres, view by view.
+///     Each point's place along the curve of the nodes, metres, view by view.
 /// views : (N,) ndarray of int64
 ///     The points' views.
 /// nodes : (M,) array_like of float
@@ -85,6 +86,7 @@ pub(super) fn count_seen<'py>(
         return Err(wrong_shape("nodes", "(M,), M >= 2", nodes.shape()));
     };
     let (spacing, number) = (next - start, nodes.slice().len());
+    check_positive("nodes", spacing)?;
     let count = arc_lengths.slice().len();
     require_same_length("views", views.slice().len(), count)?;
     let [points, cameras] = released_if_many(py, count / CHEAP, move || {

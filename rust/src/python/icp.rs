@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 
 use super::arguments::{Given, Points, Rows, count, motion, number, require_same_length, slices};
 use super::arrays::array;
-use super::released::{handed_over, released};
+use super::released::released;
 use crate::geometry::RigidMotion;
 use crate::icp::{IcpOptions, Objective, Stop};
 
@@ -181,7 +181,7 @@ pub(super) fn icp<'py>(
     };
     let source_rows = Rows::new(nonfinite, &[&source])?;
     let target_rows = Rows::new(nonfinite, &[&target, normals.as_deref().unwrap_or(&target)])?;
-    let result = handed_over(py, move || {
+    let result = released(py, move || {
         let normals = normals.as_ref().map(|normals| target_rows.select(normals));
         let objective = normals.as_deref().map_or(Objective::PointToPoint, Objective::PointToPlane);
         crate::icp(&source_rows.select(&source), &target_rows.select(&target), objective, &options)

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 
 use super::arguments::{Points, Rows, Viewpoint, count, number};
 use super::arrays::{PointsArray, list, points_array};
-use super::released::{handed_over, released};
+use super::released::released;
 use crate::error::Error;
 use crate::normals::{Neighbors, Viewpoints};
 use crate::parallel;
@@ -68,7 +68,7 @@ pub(super) fn estimate_normals<'py>(
     let camera = Ok(Viewpoint::One([0.0; 3]));
     let viewpoint = viewpoint.map_or(camera, |value| Viewpoint::new(value, points.len()))?;
     let rows = Rows::new(nonfinite, &[&points, viewpoint.each().unwrap_or(&points)])?;
-    let (normals, variations) = handed_over(py, move || {
+    let (normals, variations) = released(py, move || {
         let points = rows.select(&points);
         let found = viewpoint.of(&rows, |of| crate::estimate_normals(&points, neighbors, of))?;
         Ok::<_, Error>((rows.scatter(found.normals, [0.0; 3]), rows.scatter(found.variation, 0.0)))

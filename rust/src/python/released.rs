@@ -1,7 +1,6 @@
 //! Work without the GIL. Ctrl-C ends it, and panics become errors.
 
 use std::any::Any;
-use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -18,18 +17,13 @@ const PATIENCE: Duration = Duration::from_millis(50); // longest time that a sig
 const FEW_ITEMS: usize = 20_000; // items whose work takes less time than that
 pub(super) const CHEAP: usize = 16; // points that count as one item, where each takes some nanoseconds
 
-thread_local! {
-    /// The exception of a signal handler that ended this thread's work.
-    static RAISED: RefCell<Option<PyErr>> = const { RefCell::new(None) };
-}
-
 /// The place of the last panic.
 static PLACE: Mutex<String> = Mutex::new(String::new());
 
-/// Runs `work` without the GIL: in the pool, or on Python's main thread itself if one thread shall do all the work.
+/// Runs `work` in the pool without the GIL.
 ///
-/// If Python's main thread calls, signal handlers run meanwhile. If a handler raises, the call ends at once. Work in the
-/// pool owns all its data, ends on its own soon after, and its answer is dropped.
+/// If Python's main thread calls, signal handlers run meanwhile. If a handler raises, the call ends at once. The work
+/// owns all its data, ends on its own soon after, and its answer is dropped.
 ///
 /// # Errors
 /// The error of a signal handler; `StrandError` if the work panics.
@@ -37,31 +31,10 @@ pub(super) fn released<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> PyResult<T> {
-    let main = is_main_thread(py)?;
-    if main && parallel::num_threads() == 1 {
-        let answer = py.detach(|| parallel::watched(run_handlers, PATIENCE, work));
-        return answer.map_err(|panic| RAISED.take().unwrap_or_else(|| internal(panic)));
-    }
-    hand_over(py, main, work)
-}
-
-/// Runs `work` as [`released`] does, but always in the pool: it may not ask for a long time whether it goes on.
-///
-/// # Errors
-/// As [`released`].
-pub(super) fn handed_over<T: Send + 'static>(
-    py: Python<'_>,
-    work: impl FnOnce() -> T + Send + 'static,
-) -> PyResult<T> {
-    hand_over(py, is_main_thread(py)?, work)
-}
-
-fn hand_over<T: Send + 'static>(
-    py: Python<'_>,
-    main: bool,
-    work: impl FnOnce() -> T + Send + 'static,
-) -> PyResult<T> {
-    let (caller, patience) = if main { (Caller::Hasty, Some(PATIENCE)) } else { (Caller::Patient, None) };
+    let (caller, patience) = match is_main_thread(py)? {
+        true => (Caller::Hasty, Some(PATIENCE)),
+        false => (Caller::Patient, None),
+    };
     let mut begun = match py.detach(|| parallel::begin(caller, work)) {
         Ok(begun) => begun,
         Err(work) => return py.detach(|| catch_unwind(AssertUnwindSafe(work))).map_err(internal),
@@ -118,12 +91,6 @@ fn internal(panic: Box<dyn Any + Send>) -> PyErr {
     };
     let place = PLACE.lock().unwrap_or_else(PoisonError::into_inner);
     StrandError::new_err(format!("internal error: {text}{place}; please report this"))
-}
-
-/// Runs signal handlers; returns whether none raised.
-fn run_handlers() -> bool {
-    let handled = Python::attach(|py| py.check_signals());
-    handled.map_err(|raised| RAISED.set(Some(raised))).is_ok()
 }
 
 /// Returns whether the calling thread is the one that runs signal handlers.

@@ -7,8 +7,9 @@ use super::arguments::{
     FloatArray, Given, Points, Rows, Viewpoint, count, number, point, require_same_length,
 };
 use super::arrays::{PointsArray, array, list, points_array};
-use super::released::{guarded, released};
+use super::released::{CHEAP, released, released_if_many};
 use crate::clouds::apparent_radius;
+use crate::error::Error;
 use crate::tubes::ends;
 use crate::tubes::tracing::MIN_NODES;
 
@@ -124,6 +125,7 @@ pub(super) fn trace_tubes<'py>(
 ///     and how long that stretch is, metres.
 #[pyfunction]
 pub(super) fn find_seen_ends(
+    py: Python<'_>,
     inwards: &Bound<'_, PyAny>,
     weights: &Bound<'_, PyAny>,
     starts: Vec<usize>,
@@ -132,12 +134,19 @@ pub(super) fn find_seen_ends(
     fewest: usize,
 ) -> PyResult<Vec<Option<(f64, usize, f64)>>> {
     let (inwards, weights) = (FloatArray::new("inwards", inwards)?, FloatArray::new("weights", weights)?);
-    let (inwards, weights) = (inwards.slice(), weights.slice());
-    require_same_length("weights", weights.len(), inwards.len())?;
-    let find = |ends: &[usize]| {
-        let (inwards, weights) = (inwards.get(ends[0]..ends[1])?, weights.get(ends[0]..ends[1])?);
-        let end = ends::find_seen_end(inwards, weights, inside, most, fewest)?;
-        Some((end.offset, end.count, end.length))
-    };
-    guarded(|| starts.windows(2).map(find).collect())
+    let count = inwards.slice().len();
+    require_same_length("weights", weights.slice().len(), count)?;
+    if !starts.is_sorted() || starts.last().is_some_and(|&last| last > count) {
+        let reason = format!("expected ascending numbers up to {count}, got {starts:?}");
+        return Err(Error::invalid("starts", reason).into());
+    }
+    released_if_many(py, count / CHEAP, move || {
+        let find = |ends: &[usize]| {
+            let points = ends[0]..ends[1];
+            let (inwards, weights) = (&inwards.slice()[points.clone()], &weights.slice()[points]);
+            let end = ends::find_seen_end(inwards, weights, inside, most, fewest)?;
+            Some((end.offset, end.count, end.length))
+        };
+        starts.windows(2).map(find).collect()
+    })
 }

@@ -15,7 +15,6 @@ const REACH: f64 = 1.5; // largest distance of an end from the first full bin, r
 const MAX_RADII: f64 = 1e6; // largest length of a curve, radii
 const MIN_POINTS: usize = 8; // points that support a curve at least
 const ROUNDS: usize = 3; // estimates of where a view sees an end, each from the one before
-const PAIRED: usize = 128; // numbers: the two halves of more are summed by themselves
 
 /// Surface points and the curves that explain them, in arrays of one length.
 #[derive(Debug, Clone, Copy)]
@@ -172,31 +171,13 @@ pub(crate) fn find_seen_end(
         if found.count < fewest {
             return None;
         }
-        let density = sum_in_pairs(&body) / found.length;
-        found.offset = sum_in_pairs(&between(f64::NEG_INFINITY, near)) / density - near;
+        let density = body.iter().sum::<f64>() / found.length;
+        found.offset = between(f64::NEG_INFINITY, near).iter().sum::<f64>() / density - near;
         if found.offset.abs() > most {
             return None;
         }
     }
     Some(found)
-}
-
-/// Returns the sum of numbers, pair by pair, whose rounding grows less with their count.
-fn sum_in_pairs(values: &[f64]) -> f64 {
-    if values.len() > PAIRED {
-        let half = values.len() / 2;
-        let (first, second) = values.split_at(half - half % LANES);
-        return sum_in_pairs(first) + sum_in_pairs(second);
-    }
-    let (chunks, rest) = values.as_chunks::<LANES>();
-    let mut lanes = [0.0; LANES];
-    for chunk in chunks {
-        for (lane, value) in lanes.iter_mut().zip(chunk) {
-            *lane += value;
-        }
-    }
-    let [a, b, c, d, e, f, g, h] = lanes;
-    rest.iter().fold(((a + b) + (c + d)) + ((e + f) + (g + h)), |sum, value| sum + value)
 }
 
 /// Returns the second smallest of at least two numbers.
@@ -329,14 +310,6 @@ mod tests {
         assert!((short.offset + 0.2).abs() < 0.05);
         assert_eq!(find_seen_end(&inwards, &weights, [1.0, 4.0], 0.1, 12), None);
         assert_eq!(find_seen_end(&inwards[..50], &weights, [1.0, 4.0], 1.8, 12), None);
-    }
-
-    #[test]
-    fn sums_in_pairs_are_sums() {
-        for count in [0, 1, 7, 8, 9, 127, 128, 129, 1000] {
-            let values: Vec<f64> = (0..count).map(|i| f64::from(i % 13) - 2.5).collect();
-            assert_eq!(sum_in_pairs(&values), values.iter().sum::<f64>());
-        }
     }
 
     #[test]

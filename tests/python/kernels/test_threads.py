@@ -85,6 +85,23 @@ def test_the_environment_may_leave_the_number_of_threads_open(said):
     assert python(code, STRAND_NUM_THREADS=said).stdout == "True\n"
 
 
+CORES = """
+import os, strand
+strand.num_threads()
+os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+child = os.fork()
+if not child:
+    os._exit(strand.num_threads())
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+strand.set_num_threads(0)
+print(strand.num_threads())
+"""
+
+
+def test_cores_are_counted_again_in_a_forked_process_and_when_asked():
+    assert python(CORES, STRAND_NUM_THREADS="").stdout == "1\n1\n"
+
+
 @pytest.mark.parametrize("said", ["many", "-1", "2.5"])
 def test_an_environment_that_says_no_number_of_threads_is_refused(said):
     done = python("import strand", STRAND_NUM_THREADS=said)

@@ -116,11 +116,14 @@ def reconsider_joins(
     again = decide_joins(clouds, arcs, before, evidence, config, run)
     if not all(by_class) or not all(again):
         return None
-    costs = [scored[0].cost for scored in by_class]
     if len(before.radii) > 1:
-        for number, scored in enumerate(by_class):
-            fit_chains = _make_fit(clouds, before, number, evidence, config)
-            costs[number] = price_explanation(fit_chains(scored[0].hypothesis.chains), evidence.visibility)
+        fits = [_make_fit(clouds, before, number, evidence, config) for number in range(len(by_class))]
+        costs = [
+            price_explanation(fit_chains(scored[0].hypothesis.chains), evidence.visibility)
+            for fit_chains, scored in zip(fits, by_class, strict=True)
+        ]
+    else:
+        costs = [scored[0].cost for scored in by_class]
     return again if sum(scored[0].cost for scored in again) < sum(costs) - _MIN_GAIN else None
 
 

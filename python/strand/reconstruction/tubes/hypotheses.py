@@ -49,7 +49,7 @@ class Hypothesis:
     dropped : tuple of (K, 3) ndarray
         Nodes of the ropes that are too short, metres.
     radius : float
-        Of the ropes, metres.
+        Radius of the ropes, metres.
     free_end : float
         Cost of an end that is not joined.
     """
@@ -215,6 +215,8 @@ class _Contest:
             return cost if contrast is None else cost + float(sum(contrast[pair] for pair in one.joins))
 
         self.scored.append(ScoredHypothesis(one, price, price_contradictions(one.chains, self.evidence)))
+        # fitted before anybody asks whether there is time for the next
+        self.rank()
 
 
 def rank_hypotheses(
@@ -222,7 +224,7 @@ def rank_hypotheses(
 ) -> list[ScoredHypothesis]:
     """Fit the likely hypotheses about arcs; return those that run differently, the best first.
 
-    One without a rival is not fitted. Past the run's deadline only the first is made. Without any rope the
+    One without a rival is not fitted. Past the run's deadline there is only the first. Without any rope the
     result is empty.
     """
     if len(arcs) > _MAX_ARCS:

@@ -118,17 +118,17 @@ impl State<'_> {
                 (None, None) => Default::default(),
             };
             let settle = |(run, places): (&Run, &mut [OnSpan])| {
+                go_on();
                 move_to_foot_points(&spans.spans[run.span], &eye, &order[run.points.clone()], places);
             };
-            go_on();
             split_by_run(&runs, &mut places).into_par_iter().with_min_len(RUNS_PER_TASK).for_each(settle);
-            go_on();
             let (order, places) = resort(order, places, spans.spans.len());
             let runs = find_runs(&places);
             near.resize(places.len(), Near::default());
             let empty = |run: &Run| SpanSums::new(spans.spans[run.span].curve, spans.spans[run.span].number);
             let mut sums: Vec<SpanSums> = runs.iter().map(empty).collect();
             let of_run = |((run, near), sums): ((&Run, &mut [Near]), &mut SpanSums)| {
+                go_on();
                 let (order, places) = (&order[run.points.clone()], &places[run.points.clone()]);
                 evaluate(&spans.spans[run.span], &eye, order, places, near, sums);
             };

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 import strand
+from strand.reconstruction.tubes import hypotheses
 from strand.reconstruction.tubes.hypotheses import Hypothesis, ScoredHypothesis
 from strand.reconstruction.tubes.join_costs import JoinCosts
 from strand.reconstruction.tubes.joins import list_alternatives
@@ -44,3 +45,23 @@ def test_a_hypothesis_that_explains_nothing_is_no_alternative(paper_model):
     one = Hypothesis(JoinCosts((), {}), (), chains, 0.0, (), 0.01, 2.5)
     scored = [ScoredHypothesis(one, partial(float, cost), 0.0) for cost in (2.0, 3.5, np.inf)]
     assert [other.cost for other in list_alternatives([scored, scored[2:], []])] == [1.5]
+
+
+def test_a_hypothesis_without_a_rival_is_not_fitted(collected, monkeypatch):
+    scene = strand.synthetic.scene("overhand", seed=1)
+    sizes: list[int] = []
+    add = hypotheses._Contest._add
+
+    def count_hypotheses(contest, one):
+        add(contest, one)
+        sizes.append(len(contest.scored))
+        fitted = ["cost" in other.__dict__ for other in contest.scored]
+        assert fitted == [len(contest.scored) > 1] * len(fitted)
+
+    monkeypatch.setattr(hypotheses._Contest, "_add", count_hypotheses)
+    strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    assert sizes
+    assert sizes[0] == 1
+    scene = collected("paper_mid")
+    strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    assert max(sizes) > 1
