@@ -138,13 +138,8 @@ pub(super) fn find_parameters<'py>(
     stop: f64,
     arc_lengths: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    look_up(
-        table,
-        [start, stop],
-        FloatArray::new("arc_lengths", arc_lengths)?,
-        py,
-        arclength::find_parameters,
-    )
+    let places = FloatArray::new("arc_lengths", arc_lengths)?;
+    look_up(py, table, [start, stop], places, arclength::find_parameters)
 }
 
 /// Return the arc lengths at a spline's parameters, metres, limited to those of a table as in `find_parameters`.
@@ -156,15 +151,16 @@ pub(super) fn find_arc_lengths<'py>(
     stop: f64,
     parameters: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    look_up(table, [start, stop], FloatArray::new("parameters", parameters)?, py, arclength::find_arc_lengths)
+    let places = FloatArray::new("parameters", parameters)?;
+    look_up(py, table, [start, stop], places, arclength::find_arc_lengths)
 }
 
 /// Looks places up in a table of arc lengths between two parameters.
 fn look_up<'py>(
+    py: Python<'py>,
     table: &Bound<'py, PyAny>,
     range: [f64; 2],
     places: FloatArray,
-    py: Python<'py>,
     find: impl FnOnce(&[f64], [f64; 2], &[f64]) -> Vec<f64> + Send + 'static,
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     let table = FloatArray::new("table", table)?;

@@ -72,16 +72,16 @@ print(json.dumps(late))
 """
 
 
+def run_python(code, threads):
+    environment = os.environ | {"STRAND_NUM_THREADS": threads}
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+
+
 @pytest.mark.parametrize("threads", ["1", "2"])
 def test_ctrl_c_leaves_every_kernel_at_once(threads):
     code = CODE.format(path=sys.path, calls=CALLS)
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=os.environ | {"STRAND_NUM_THREADS": threads},
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
+    done = run_python(code, threads)
     assert done.returncode == 0, done.stderr
     assert not done.stderr
     late = json.loads(done.stdout)
@@ -121,11 +121,5 @@ assert (strand.count_neighbors(few, 1.0) == known).all()
 @pytest.mark.parametrize("threads", ["1", "2"])
 def test_what_another_signals_handler_raises_leaves_too(threads):
     code = ALARM.format(path=sys.path)
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=os.environ | {"STRAND_NUM_THREADS": threads},
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
+    done = run_python(code, threads)
     assert done.returncode == 0, done.stderr
