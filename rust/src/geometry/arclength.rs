@@ -8,9 +8,9 @@ const ENTRIES_PER_SPAN: f64 = 16.0; // table entries for each span; arc length i
 /// A part of a spline that is parameterized by arc length.
 pub(crate) struct ByLength<'a> {
     spline: &'a Spline,
-    start: f64,
-    step: f64,
-    /// Arc length from the start to each place.
+    /// The parameters of its ends.
+    range: [f64; 2],
+    /// Arc length from the start to each of evenly spaced parameters.
     arc: Vec<f64>,
 }
 
@@ -34,7 +34,7 @@ impl<'a> ByLength<'a> {
             arc.push(total);
             before = after;
         }
-        Self { spline, start, step, arc }
+        Self { spline, range: [start, stop], arc }
     }
 
     /// Returns the table: arc length from the start to each entry, metres.
@@ -50,18 +50,12 @@ impl<'a> ByLength<'a> {
     /// Returns the arc length at a parameter of the spline, limited to the part, metres.
     #[inline]
     pub fn arc_length(&self, parameter: f64) -> f64 {
-        let last = self.arc.len() - 1;
-        let place = ((parameter - self.start) / self.step).clamp(0.0, last as f64);
-        let i = (place as usize).min(last - 1);
-        self.arc[i] + (place - i as f64) * (self.arc[i + 1] - self.arc[i])
+        find_arc_length(&self.arc, self.range, parameter)
     }
 
     /// Returns the spline's parameter at an arc length, limited to the part.
     pub fn parameter(&self, s: f64) -> f64 {
-        let i = self.arc.partition_point(|&a| a <= s).clamp(1, self.arc.len() - 1);
-        let length = self.arc[i] - self.arc[i - 1];
-        let share = if length > 0.0 { ((s - self.arc[i - 1]) / length).clamp(0.0, 1.0) } else { 0.0 };
-        self.start + ((i - 1) as f64 + share) * self.step
+        find_parameter(&self.arc, self.range, s)
     }
 
     /// Returns the place at an arc length.
@@ -76,33 +70,29 @@ impl<'a> ByLength<'a> {
     }
 }
 
-/// Returns a spline's parameters at arc lengths, limited to those of a table from `ByLength`.
+/// Returns a spline's parameter at an arc length, limited to those of a table from [`ByLength`].
 ///
 /// `arc` holds two arc lengths or more, at parameters that are evenly spaced between the first and the last.
-pub(crate) fn find_parameters(arc: &[f64], [first, last]: [f64; 2], s: &[f64]) -> Vec<f64> {
+pub(crate) fn find_parameter(arc: &[f64], [first, last]: [f64; 2], s: f64) -> f64 {
     let step = (last - first) / (arc.len() - 1) as f64;
     let parameter = |i: usize| if i + 1 < arc.len() { first + i as f64 * step } else { last };
-    let find = |&s: &f64| match arc.partition_point(|&a| a <= s) {
+    match arc.partition_point(|&a| a <= s) {
         0 => first,
         next if next == arc.len() => last,
         next => {
             let (low, high) = (parameter(next - 1), parameter(next));
             low + (high - low) / (arc[next] - arc[next - 1]) * (s - arc[next - 1])
         }
-    };
-    s.iter().map(find).collect()
+    }
 }
 
-/// Returns the arc lengths at a spline's parameters, limited to those of a table as in [`find_parameters`].
-pub(crate) fn find_arc_lengths(arc: &[f64], [first, last]: [f64; 2], parameters: &[f64]) -> Vec<f64> {
+/// Returns the arc length at a spline's parameter, limited to those of a table as in [`find_parameter`].
+#[inline]
+pub(crate) fn find_arc_length(arc: &[f64], [first, last]: [f64; 2], parameter: f64) -> f64 {
     let entries = (arc.len() - 1) as f64;
-    let each = entries / (last - first);
-    let find = |&parameter: &f64| {
-        let place = ((parameter - first) * each).clamp(0.0, entries);
-        let i = (place as usize).min(arc.len() - 2);
-        arc[i] + (place - i as f64) * (arc[i + 1] - arc[i])
-    };
-    parameters.iter().map(find).collect()
+    let place = ((parameter - first) * (entries / (last - first))).clamp(0.0, entries);
+    let i = (place as usize).min(arc.len() - 2);
+    arc[i] + (place - i as f64) * (arc[i + 1] - arc[i])
 }
 
 /// Returns the unit tangent at a place.
@@ -133,25 +123,27 @@ mod tests {
     }
 
     #[test]
-    fn tables_give_the_arc_lengths_and_parameters_of_the_part() {
+    fn tables_lead_from_parameters_to_arc_lengths_and_back() {
         let nodes: Vec<Point> =
             (0..40).map(|i| f64::from(i) * 0.01).map(|x| [x, x * x, 0.1 * x.sin()]).collect();
         let spline = Spline::through(&nodes, 0.03, 0.0).unwrap();
         let range = [0.7, spline.end() - 1.3];
         let part = ByLength::new(&spline, range[0], range[1]);
-        let parameters: Vec<f64> = (-20..220).map(|i| f64::from(i) * 0.01 * spline.end()).collect();
-        let s: Vec<f64> = (-20..220).map(|i| f64::from(i) * 0.005 * part.length()).collect();
-        let found = find_arc_lengths(&part.arc, range, &parameters);
-        for (found, &u) in found.iter().zip(&parameters) {
-            assert!((found - part.arc_length(u)).abs() < 1e-14);
+        let (length, table) = (part.length(), part.into_table());
+        let step = (range[1] - range[0]) / (table.len() - 1) as f64;
+        for (i, &s) in table.iter().enumerate() {
+            let u = range[0] + i as f64 * step;
+            assert!((find_arc_length(&table, range, u) - s).abs() < 1e-14);
+            assert!((find_parameter(&table, range, s) - u).abs() < 1e-12);
         }
-        let found = find_parameters(&part.arc, range, &s);
-        for (found, &s) in found.iter().zip(&s) {
-            assert!((found - part.parameter(s)).abs() < 1e-12);
+        for s in (1..100).map(|i| f64::from(i) * 0.01 * length) {
+            let u = find_parameter(&table, range, s);
+            assert!((find_arc_length(&table, range, u) - s).abs() < 1e-14);
         }
-        assert_eq!(
-            find_parameters(&part.arc, range, &[-1.0, 0.0, part.length(), 9.0]),
-            [range[0], range[0], range[1], range[1]]
-        );
+        for (s, u) in [(-1.0, range[0]), (0.0, range[0]), (length, range[1]), (9.0, range[1])] {
+            assert_eq!(find_parameter(&table, range, s), u);
+        }
+        assert_eq!(find_arc_length(&table, range, -1.0), 0.0);
+        assert_eq!(find_arc_length(&table, range, 99.0), length);
     }
 }

@@ -77,13 +77,11 @@ impl RigidMotion {
     }
 }
 
-/// Returns how far a change of the motion of points moves one of them at most, metres; 0 without points, NaN if a point is
-/// not finite.
+/// Returns how far a change of the motion of points moves one of them at most, metres; 0 without points.
 pub fn measure_shift(points: &[Point], before: &RigidMotion, after: &RigidMotion) -> f64 {
     let (turn, step) = (after.rotation - before.rotation, after.translation - before.translation);
     let squared = |&p: &Point| (turn * Vector3::from(p) + step).norm_squared();
-    let larger = |most: f64, square: f64| if square <= most { most } else { square + 0.0 * most };
-    points.iter().map(squared).fold(0.0, larger).sqrt()
+    points.iter().map(squared).fold(0.0, f64::max).sqrt()
 }
 
 #[cfg(test)]

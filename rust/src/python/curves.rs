@@ -139,7 +139,7 @@ pub(super) fn find_parameters<'py>(
     arc_lengths: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     let places = FloatArray::new("arc_lengths", arc_lengths)?;
-    look_up(py, table, [start, stop], places, arclength::find_parameters)
+    look_up(py, table, [start, stop], places, arclength::find_parameter)
 }
 
 /// Return the arc lengths at a spline's parameters, metres, limited to those of a table as in `find_parameters`.
@@ -152,7 +152,7 @@ pub(super) fn find_arc_lengths<'py>(
     parameters: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     let places = FloatArray::new("parameters", parameters)?;
-    look_up(py, table, [start, stop], places, arclength::find_arc_lengths)
+    look_up(py, table, [start, stop], places, arclength::find_arc_length)
 }
 
 /// Looks places up in a table of arc lengths between two parameters.
@@ -161,12 +161,14 @@ fn look_up<'py>(
     table: &Bound<'py, PyAny>,
     range: [f64; 2],
     places: FloatArray,
-    find: impl FnOnce(&[f64], [f64; 2], &[f64]) -> Vec<f64> + Send + 'static,
+    find: fn(&[f64], [f64; 2], f64) -> f64,
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     let table = FloatArray::new("table", table)?;
     let [(2..)] = table.shape()[..] else { return Err(wrong_shape("table", "(n,), n >= 2", table.shape())) };
     let (shape, count) = (places.shape().to_vec(), places.slice().len());
-    let found = released_if_many(py, count / CHEAP, move || find(table.slice(), range, places.slice()))?;
+    let found = released_if_many(py, count / CHEAP, move || {
+        places.slice().iter().map(|&place| find(table.slice(), range, place)).collect()
+    })?;
     array(py, found, shape)
 }
 
@@ -188,7 +190,9 @@ pub(super) fn propagate_covariances<'py>(
     let [(4..), 4, 3, 3] = covariances.shape()[..] else {
         return Err(wrong_shape("covariances", "(n, 4, 3, 3), n >= 4", covariances.shape()));
     };
-    let count = parameters.slice().len();
+    let &[count] = parameters.shape() else {
+        return Err(wrong_shape("parameters", "(M,)", parameters.shape()));
+    };
     let found = released_if_many(py, count, move || {
         let blocks = covariances.slice().as_chunks().0.as_chunks().0.as_chunks().0;
         spline::propagate_covariances(blocks, parameters.slice())

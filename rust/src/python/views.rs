@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use super::arguments::{Array, FloatArray, Points, motion, motions, require_same_length, wrong_shape};
 use super::arrays::{PointsArray, constant, constant_points, list, points_array};
 use super::released::{CHEAP, released, released_if_many};
+use crate::checks::check_finite;
 use crate::clouds::crop::DepthView;
 use crate::clouds::depth::Pinhole;
 use crate::clouds::{crop, depth};
@@ -83,6 +84,9 @@ pub(super) fn measure_shift(
     let (before, after) = (motions("before", &before)?, motions("after", &after)?);
     for (name, motions) in [("before", &before), ("after", &after)] {
         require_same_length(name, motions.len(), clouds.len())?;
+    }
+    for cloud in &clouds {
+        check_finite("clouds", cloud)?;
     }
     let count: usize = clouds.iter().map(|cloud| cloud.len()).sum();
     released_if_many(py, count / CHEAP, move || {

@@ -162,17 +162,20 @@ pub(crate) fn find_seen_end(
     let mut found = SeenEnd { offset: 0.0, count: 0, length: 0.0 };
     for _ in 0..ROUNDS {
         let [near, far] = inside.map(|distance| distance - found.offset);
-        let between = |low: f64, high: f64| -> Vec<f64> {
-            let points = inwards.iter().zip(weights);
-            points.filter(|&(&s, _)| low <= s && s < high).map(|(_, &weight)| weight).collect()
-        };
-        let body = between(near, far);
-        (found.count, found.length) = (body.len(), far - near);
+        (found.count, found.length) = (0, far - near);
+        let (mut body, mut beyond) = (0.0, 0.0);
+        for (&s, &weight) in inwards.iter().zip(weights) {
+            if s < near {
+                beyond += weight;
+            } else if s < far {
+                body += weight;
+                found.count += 1;
+            }
+        }
         if found.count < fewest {
             return None;
         }
-        let density = body.iter().sum::<f64>() / found.length;
-        found.offset = between(f64::NEG_INFINITY, near).iter().sum::<f64>() / density - near;
+        found.offset = beyond / (body / found.length) - near;
         if found.offset.abs() > most {
             return None;
         }
