@@ -125,16 +125,17 @@ kernel! {
 /// Returns the points of a batch, moved by a pose.
 #[inline(always)]
 fn moved_to(points: &[[f64; BATCH]; 3], pose: &RigidMotion) -> [[f64; BATCH]; 3] {
-    let (r, t) = (&pose.rotation, &pose.translation);
-    let mut moved = [[0.0; BATCH]; 3];
-    for k in 0..3 {
-        let (r0, r1, r2, t) = (r[(k, 0)], r[(k, 1)], r[(k, 2)], t[k]);
-        let [x, y, z] = points;
-        let mut values = [0.0; BATCH];
-        for l in 0..BATCH {
-            values[l] = r0 * x[l] + r1 * y[l] + r2 * z[l] + t;
-        }
-        moved[k] = values;
+    // one axis after the other: a loop over the axes would be compiled to scattered stores
+    [moved_along(0, points, pose), moved_along(1, points, pose), moved_along(2, points, pose)]
+}
+
+#[inline(always)]
+fn moved_along(axis: usize, [x, y, z]: &[[f64; BATCH]; 3], pose: &RigidMotion) -> [f64; BATCH] {
+    let (r, t) = (&pose.rotation, pose.translation[axis]);
+    let (r0, r1, r2) = (r[(axis, 0)], r[(axis, 1)], r[(axis, 2)]);
+    let mut values = [0.0; BATCH];
+    for l in 0..BATCH {
+        values[l] = r0 * x[l] + r1 * y[l] + r2 * z[l] + t;
     }
-    moved
+    values
 }
