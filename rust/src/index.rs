@@ -7,11 +7,14 @@
 //! - [`Tree`], a k-d tree, finds nearest points where no scale is known.
 //! - [`hierarchy::Hierarchy`], a tree of boxes, counts and sums where cells are crowded, or wide because a cloud
 //!   reaches far.
+//!
+//! [`halves::halve`] groups near points into batches.
 
 pub mod around;
 pub mod bounds;
 pub mod cells;
 mod grid;
+pub mod halves;
 pub mod hierarchy;
 mod limits;
 pub mod reach;

@@ -11,7 +11,7 @@ pub mod sweep;
 use rayon::prelude::*;
 
 use super::bounds::{Bounds, bounds};
-use super::limits::{CROWDED, POINTS_PER_PART, SHORTEST, WIDE};
+use super::limits::{POINTS_PER_PART, SHORTEST, WIDE};
 use super::sort::sort_words;
 use crate::geometry::Point;
 use crate::simd::BATCH;
@@ -179,11 +179,6 @@ impl Cells {
         let part = |shift: u32, bits: u32| (key >> shift) & ((1 << bits) - 1);
         let [a, b, block] = self.shifts;
         [part(a, block - a), part(b, a - b), (part(block, u64::BITS - block - 1) << BLOCK_BITS) | part(0, b)]
-    }
-
-    /// Whether cells are wide or one holds very many points, so that consecutive points need not be near each other.
-    pub fn is_crowded(&self) -> bool {
-        self.wide || self.starts.windows(2).any(|pair| (pair[1] - pair[0]) as usize > CROWDED / 8)
     }
 
     pub fn len(&self) -> usize {

@@ -64,11 +64,6 @@ impl Hierarchy {
         Self { nodes, points, order }
     }
 
-    /// Indices of the points in the order of the boxes, in which near points are mostly near each other.
-    pub fn order(&self) -> &[u32] {
-        &self.order
-    }
-
     /// Visits boxes from the whole down, skipping those that are `out`. Calls `settle` with the number of each; a box
     /// is divided further until `settle` returns true.
     #[inline]

@@ -10,6 +10,7 @@ use super::sums::TERMS;
 use crate::geometry::{Point, RigidMotion, centroid, squared_distance};
 use crate::icp::options::IcpOptions;
 use crate::index::cells::Cells;
+use crate::index::halves::halve;
 use crate::index::hierarchy::Hierarchy;
 use crate::index::reach::reach_of;
 use crate::simd::{BATCH, Singles};
@@ -76,16 +77,8 @@ impl Pairing {
     pub fn new(source: &[Point], target: &[Point], options: &IcpOptions) -> Self {
         let cells = Cells::new(target, reach_of(target, NEAR));
         let sorted = cells.sorted();
-        // sorted by their places at the start pose, because they will not move far
-        let moved: Vec<Point> = source.par_iter().map(|&x| options.start.apply(x)).collect();
-        let places = Cells::new(&moved, cells.size());
-        let near_each_other: Vec<Vec<u32>> = if places.is_crowded() {
-            Hierarchy::new(moved.iter().copied()).order().chunks(BATCH).map(<[u32]>::to_vec).collect()
-        } else {
-            let index = |&position: &u32| places.input_index(position as usize) as u32;
-            places.batches().iter().map(|positions| positions.iter().map(index).collect()).collect()
-        };
-        let batch = |indices: &Vec<u32>| {
+        let near_each_other = halve(source);
+        let batch = |indices: &[u32]| {
             let mut points = [[0.0; BATCH]; 3];
             for l in 0..BATCH {
                 let x = source[*indices.get(l).unwrap_or(&indices[0]) as usize];
@@ -106,10 +99,10 @@ impl Pairing {
             }
         };
         let tasks: Vec<Task> = near_each_other
-            .par_chunks(BATCHES_PER_TASK)
+            .par_chunks(BATCHES_PER_TASK * BATCH)
             .map(|some| Task {
-                batches: some.iter().map(batch).collect(),
-                lists: vec![List::EMPTY; some.len()],
+                batches: some.chunks(BATCH).map(batch).collect(),
+                lists: vec![List::EMPTY; some.len().div_ceil(BATCH)],
                 sums: [0.0; TERMS],
             })
             .collect();

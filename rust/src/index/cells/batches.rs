@@ -73,11 +73,6 @@ pub struct Batches {
 }
 
 impl Batches {
-    /// Iterates over the positions of each batch.
-    pub fn iter(&self) -> impl Iterator<Item = &[u32]> {
-        self.starts.windows(2).map(|pair| &self.positions[pair[0] as usize..pair[1] as usize])
-    }
-
     /// Calls `task` with the batches of each task, in parallel. Tasks reuse the buffers of others.
     pub fn for_each_task<'a, B: Default>(
         &'a self,

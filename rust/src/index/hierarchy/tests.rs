@@ -36,7 +36,7 @@ proptest! {
                 (0..points.len()).filter(|&j| squared_distance(points[j], center) <= limit).collect();
             let runs = hierarchy.runs_near(center, limit);
             prop_assert!(runs.windows(2).all(|pair| pair[0].end < pair[1].start));
-            let mut found: Vec<usize> = runs.into_iter().flatten().map(|i| hierarchy.order()[i] as usize).collect();
+            let mut found: Vec<usize> = runs.into_iter().flatten().map(|i| hierarchy.order[i] as usize).collect();
             found.retain(|&j| squared_distance(points[j], center) <= limit);
             found.sort_unstable();
             prop_assert_eq!(&found, &expected);
