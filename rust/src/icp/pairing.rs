@@ -1,10 +1,10 @@
 //! Source points and their nearest target points, kept from pose to pose.
 //!
-//! A search at a place of a source point, its anchor, finds the nearest target point (the partner), a short list of near
-//! points, and a bound: all unlisted points are farther. Until the source point has moved too far from its anchor, only
-//! the list is compared. A partner stays without that while the source point has not moved farther than the next
-//! listed point allows. Bounds and lists are in single precision; where it cannot tell two points apart, double
-//! precision decides.
+//! A search at a place just ahead of a source point, its anchor, finds a short list of near target points, and a bound:
+//! all unlisted points are farther. The nearest is the point's partner. Until the source point has moved too far from
+//! its anchor, only the list is compared. A partner stays without that while the source point has not moved farther
+//! than the next listed point allows. Bounds and lists are in single precision; where it cannot tell two points apart,
+//! double precision decides.
 
 mod choice;
 mod lists;
@@ -29,13 +29,11 @@ use sums::{TERMS, add_pairs};
 
 /// Stretches of tasks, at least, that a thread works on: fewer cost less than waking another thread.
 const MIN_STRETCHES: usize = 2;
-/// Lanes of a batch, at most, that are searched alone; if more need a search, all are searched.
-const MAX_ALONE: u32 = 1;
 
 impl Pairing {
     /// Finds the pairs at a pose.
     pub fn pair(&mut self, pose: &RigidMotion) -> Pairs {
-        self.pose = *pose;
+        self.before = std::mem::replace(&mut self.pose, *pose);
         let origin = pose.apply(self.center);
         let (mut tasks, mut buffers) = (std::mem::take(&mut self.tasks), std::mem::take(&mut self.buffers));
         let together = tasks.len().div_ceil(buffers.len());
@@ -67,7 +65,7 @@ impl Pairing {
             .map(|task| {
                 let mut sum = SMatrix::zeros();
                 for batch in &task.batches {
-                    let moved = moved_to(&batch.points, &self.pose);
+                    let moved = batch.moved_to(&self.pose);
                     for l in 0..batch.count {
                         let moved = moved.map(|values| values[l]);
                         let target = batch.targets.map(|values| values[l]);
@@ -99,20 +97,16 @@ kernel! {
         let limit = pairing.reach * pairing.reach;
         let mut sums = [[0.0; LANES]; TERMS];
         for (batch, list) in task.batches.iter_mut().zip(&mut task.lists) {
-            let moved = moved_to(&batch.points, &pairing.pose);
+            let moved = batch.moved_to(&pairing.pose);
             let all = (1u32 << batch.count) - 1;
             let left = all & !is_same(simd, pairing, batch, &moved);
             if left != 0 {
-                let mut open = choose(simd, pairing, batch, list, &moved, left);
-                let mut changed = left;
+                let open = choose(simd, pairing, batch, list, &moved, left);
                 if open != 0 {
-                    if open.count_ones() > MAX_ALONE {
-                        // then search all lanes: the others would follow soon, and cost little more now
-                        (open, changed) = (all, all);
-                    }
-                    search(simd, pairing, batch, list, &moved, open, near);
+                    // it searches all lanes: the others would follow soon, and cost little more now
+                    search(simd, pairing, batch, list, &moved, near);
                 }
-                pairing.take_targets(batch, changed);
+                pairing.take_targets(batch, if open != 0 { all } else { left });
             }
             for half in 0..BATCH / LANES {
                 add_pairs(&mut sums, half, &moved, &batch.targets, origin, limit);
@@ -120,22 +114,4 @@ kernel! {
         }
         sums.map(|sum| sum.iter().sum())
     }
-}
-
-/// Returns the points of a batch, moved by a pose.
-#[inline(always)]
-fn moved_to(points: &[[f64; BATCH]; 3], pose: &RigidMotion) -> [[f64; BATCH]; 3] {
-    // one axis after the other: a loop over the axes would be compiled to scattered stores
-    [moved_along(0, points, pose), moved_along(1, points, pose), moved_along(2, points, pose)]
-}
-
-#[inline(always)]
-fn moved_along(axis: usize, [x, y, z]: &[[f64; BATCH]; 3], pose: &RigidMotion) -> [f64; BATCH] {
-    let (r, t) = (&pose.rotation, pose.translation[axis]);
-    let (r0, r1, r2) = (r[(axis, 0)], r[(axis, 1)], r[(axis, 2)]);
-    let mut values = [0.0; BATCH];
-    for l in 0..BATCH {
-        values[l] = r0 * x[l] + r1 * y[l] + r2 * z[l] + t;
-    }
-    values
 }

@@ -270,6 +270,17 @@ impl Frame {
         Self { origin, unit, rounding, extent }
     }
 
+    /// Converts the points of a batch.
+    #[inline(always)]
+    pub fn narrow<S: Simd>(&self, simd: S, [x, y, z]: &[[f64; BATCH]; 3]) -> [Singles; 3] {
+        let [a, b, c] = self.origin;
+        [
+            simd.store(simd.narrow(x, a, self.unit)),
+            simd.store(simd.narrow(y, b, self.unit)),
+            simd.store(simd.narrow(z, c, self.unit)),
+        ]
+    }
+
     /// Converts points to lanes; lanes without a point repeat the first one.
     #[inline(always)]
     pub fn lanes(&self, points: impl ExactSizeIterator<Item = Point>) -> [Singles; 3] {

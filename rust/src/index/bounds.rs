@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::limits::POINTS_PER_PART;
 use crate::geometry::{Point, dot};
-use crate::simd::LANES;
+use crate::simd::{BATCH, LANES};
 
 /// A box around points.
 #[derive(Debug, Clone, Copy)]
@@ -16,6 +16,13 @@ pub struct Bounds {
 impl Bounds {
     /// The box without points.
     pub const NONE: Self = Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] };
+
+    /// The box around the points of a batch.
+    #[inline(always)]
+    pub fn of([x, y, z]: &[[f64; BATCH]; 3]) -> Self {
+        let [x, y, z] = [extremes(x), extremes(y), extremes(z)];
+        Self { low: [x.0, y.0, z.0], high: [x.1, y.1, z.1] }
+    }
 
     /// Grows to hold a point.
     #[inline(always)]
@@ -59,6 +66,19 @@ impl Bounds {
     pub fn diagonal(&self) -> f64 {
         (0..3).map(|k| (self.high[k] - self.low[k]).powi(2)).sum::<f64>().sqrt()
     }
+}
+
+/// Returns the least and the largest of some numbers.
+#[inline(always)]
+fn extremes(x: &[f64; BATCH]) -> (f64, f64) {
+    let (mut low, mut high) = (*x, *x);
+    for half in [8, 4, 2, 1] {
+        for l in 0..half {
+            low[l] = if low[l + half] < low[l] { low[l + half] } else { low[l] };
+            high[l] = if high[l + half] > high[l] { high[l + half] } else { high[l] };
+        }
+    }
+    (low[0], high[0])
 }
 
 /// Returns the box around points.

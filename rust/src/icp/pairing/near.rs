@@ -8,27 +8,21 @@ use crate::simd::{BATCH, Simd, Singles};
 #[derive(Default)]
 pub struct Near {
     pub around: Around,
-    /// Squared distances of the points around, lane by lane.
-    squares: Vec<Singles>,
     /// Points near some lanes, with the bits of these lanes.
     hits: Vec<(u32, u32)>,
+    /// Each of these points with each of its lanes.
+    pairs: Vec<(u32, u32)>,
 }
 
 impl Near {
-    /// Measures the squared distances of the points around; returns the least of each lane.
+    /// Returns the least squared distance from each lane to the points around.
     #[inline(always)]
-    pub fn measure<S: Simd>(&mut self, simd: S, points: &[Singles; 3]) -> Singles {
+    pub fn nearest<S: Simd>(&self, simd: S, points: &[Singles; 3]) -> Singles {
         let lanes = [simd.load(&points[0]), simd.load(&points[1]), simd.load(&points[2])];
         let [x, y, z] = self.around.axes();
-        if self.squares.len() < x.len() {
-            self.squares.resize(2 * x.len(), [0.0; BATCH]);
-            self.hits.resize(2 * x.len() + 1, (0, 0));
-        }
         let mut least = simd.splat(f32::MAX);
-        for (((&x, &y), &z), kept) in x.iter().zip(y).zip(z).zip(&mut self.squares) {
-            let square = squared_distances(simd, x, y, z, lanes);
-            *kept = simd.store(square);
-            least = simd.min(least, square);
+        for ((&x, &y), &z) in x.iter().zip(y).zip(z) {
+            least = simd.min(least, squared_distances(simd, x, y, z, lanes));
         }
         simd.store(least)
     }
@@ -40,51 +34,62 @@ impl Near {
         &mut self,
         simd: S,
         points: &[Singles; 3],
-        lanes: &[usize; BATCH],
         limits: &Singles,
         list: &mut List,
     ) -> Singles {
-        let Self { around, squares, hits } = self;
+        let Self { around, hits, pairs } = self;
+        if hits.len() <= around.count() {
+            hits.resize(2 * around.count() + 1, (0, 0));
+        }
         let within = simd.load(limits);
-        // neither loop has a branch that would often be mispredicted
+        let places = [simd.load(&points[0]), simd.load(&points[1]), simd.load(&points[2])];
+        let [x, y, z] = around.axes();
+        // no loop has a branch that would often be mispredicted
         let (mut near, mut total) = (0, 0);
-        for (number, square) in squares[..around.count()].iter().enumerate() {
-            let bits = simd.bits(simd.le(simd.load(square), within));
+        for (number, ((&x, &y), &z)) in x.iter().zip(y).zip(z).enumerate() {
+            let bits = simd.bits(simd.le(squared_distances(simd, x, y, z, places), within));
             hits[near] = (number as u32, bits);
             near += usize::from(bits != 0);
             total += bits.count_ones();
         }
+        if pairs.len() < total as usize + 1 {
+            pairs.resize(2 * total as usize + 1, (0, 0));
+        }
+        let mut next = 0;
+        for &(number, mut bits) in &hits[..near] {
+            while bits != 0 {
+                // most points are near one to three lanes
+                for _ in 0..3 {
+                    pairs[next] = (number, bits.trailing_zeros());
+                    next += usize::from(bits != 0);
+                    bits &= bits.wrapping_sub(1);
+                }
+            }
+        }
         let mut beyond = *limits;
         let mut counts = [0; BATCH];
-        let (mut next, mut number, mut bits) = (0, 0, 0);
-        for _ in 0..total {
-            let done = bits == 0;
-            let hit = hits[next];
-            number = if done { hit.0 as usize } else { number };
-            bits = if done { hit.1 } else { bits };
-            next += usize::from(done);
-            let i = bits.trailing_zeros() as usize % BATCH;
-            bits &= bits - 1;
-            let l = lanes[i] % BATCH;
-            let mut n = counts[i];
+        for &(number, l) in &pairs[..next] {
+            let l = l as usize % BATCH;
+            let Some((position, place)) = around.at(number as usize) else { break };
+            let [x, y, z] = [place[0] - points[0][l], place[1] - points[1][l], place[2] - points[2][l]];
+            let mut n = counts[l];
             if n == LISTED {
                 // the farthest makes room
                 let (farthest, most) = list.farthest(l);
-                let square = squares[number][i];
-                beyond[i] = beyond[i].min(most.max(square));
+                let square = x * x + y * y + z * z;
+                beyond[l] = beyond[l].min(most.max(square));
                 if square >= most {
                     continue;
                 }
                 n = farthest;
             } else {
-                counts[i] += 1;
+                counts[l] += 1;
             }
-            let Some((position, [x, y, z])) = around.at(number) else { break };
             let row = &mut list.rows[n];
             row.numbers[l] = position;
-            row.places[0][l] = x - points[0][i];
-            row.places[1][l] = y - points[1][i];
-            row.places[2][l] = z - points[2][i];
+            row.places[0][l] = x;
+            row.places[1][l] = y;
+            row.places[2][l] = z;
         }
         beyond
     }

@@ -51,6 +51,33 @@ pub struct Batch {
     pub rounding: Singles,
 }
 
+impl Batch {
+    /// Returns the points, moved by a pose.
+    #[inline(always)]
+    pub fn moved_to(&self, pose: &RigidMotion) -> [[f64; BATCH]; 3] {
+        // one axis after the other: a loop over the axes would be compiled to scattered stores
+        [self.moved_along(0, pose), self.moved_along(1, pose), self.moved_along(2, pose)]
+    }
+
+    #[inline(always)]
+    fn moved_along(&self, axis: usize, pose: &RigidMotion) -> [f64; BATCH] {
+        let (r, t) = (&pose.rotation, pose.translation[axis]);
+        let (r0, r1, r2) = (r[(axis, 0)], r[(axis, 1)], r[(axis, 2)]);
+        let [x, y, z] = &self.points;
+        let mut values = [0.0; BATCH];
+        for l in 0..BATCH {
+            values[l] = r0 * x[l] + r1 * y[l] + r2 * z[l] + t;
+        }
+        values
+    }
+
+    /// Returns the place of the last search of a lane.
+    #[inline(always)]
+    pub fn anchor(&self, l: usize) -> Point {
+        [self.anchors[0][l], self.anchors[1][l], self.anchors[2][l]]
+    }
+}
+
 /// Two clouds and their pairs.
 pub struct Pairing {
     pub cells: Cells,
@@ -63,7 +90,8 @@ pub struct Pairing {
     pub source_points: usize,
     /// The middle of the source, in its frame.
     pub center: Point,
-    /// The last pose.
+    /// The last two poses.
+    pub before: RigidMotion,
     pub pose: RigidMotion,
     pub reach: f64,
     /// Cells' widths in a metre.
@@ -116,6 +144,7 @@ impl Pairing {
             tasks,
             source_points: source.len(),
             center: centroid(source),
+            before: options.start,
             pose: options.start,
             reach,
             unit,

@@ -1,10 +1,10 @@
-//! Searches for the near target points of some lanes of a batch.
+//! Searches for the near target points of a batch.
 
 use super::choice::choose;
 use super::lists::{List, NONE};
 use super::near::Near;
 use super::partners::{Batch, Pairing};
-use crate::geometry::{Point, squared_distance};
+use crate::geometry::{Point, dot, squared_distance};
 use crate::index::around::{Around, Frame};
 use crate::index::bounds::Bounds;
 use crate::index::cells::Cells;
@@ -12,11 +12,12 @@ use crate::simd::{BATCH, Simd};
 
 /// Listed points lie within this distance of a source point that lies on the target, cells.
 const SPREAD: f64 = 0.35;
+const LEAD: f64 = 3.0; // steps, as the last one, by which lists are made ahead, at most
 const MAX_REACH: f64 = 2.0; // reach of the search, cells; the tree finds farther partners
 const MAX_MET: usize = 2048; // points that a search meets at most; the tree finds partners in denser places
 const MAX_EXAMINED: usize = 4; // points in the cells that a search touches, at most, for each point that it may meet
 
-/// Finds the lists and partners of some lanes of a batch.
+/// Finds the lists and partners of a batch.
 #[inline(always)]
 pub fn search<S: Simd>(
     simd: S,
@@ -24,41 +25,29 @@ pub fn search<S: Simd>(
     batch: &mut Batch,
     list: &mut List,
     moved: &[[f64; BATCH]; 3],
-    lanes: u32,
     buffers: &mut Near,
 ) {
     let Pairing { cells, reach, unit, .. } = pairing;
     let place = |l: usize| -> Point { [moved[0][l], moved[1][l], moved[2][l]] };
     let spread = SPREAD * cells.size();
     let farthest = reach.hypot(spread);
-    let mut left = [0; BATCH];
-    let mut count = 0;
+    batch.anchors = lead(pairing, batch, moved, spread);
+    // the last partner is an upper bound of the distance to the nearest
+    let mut known: [f64; BATCH] = std::array::from_fn(|l| {
+        let apart = [0, 1, 2].map(|k| batch.targets[k][l] - batch.anchors[k][l]);
+        (dot(apart, apart) + spread * spread).sqrt()
+    });
     let mut search_reach = 0.0;
-    for l in 0..BATCH {
-        if lanes & (1 << l) == 0 {
-            continue;
-        }
-        left[count] = l;
-        count += 1;
-        // the last partner is an upper bound of the distance to the nearest
-        let known = match pairing.target(batch.partners[l].to_bits()) {
-            Some(partner) => 1.001 * (squared_distance(partner, place(l)) + spread * spread).sqrt(),
-            None => cells.size(),
-        };
-        search_reach = f64::max(search_reach, known);
-        for k in 0..3 {
-            batch.anchors[k][l] = moved[k][l];
-        }
+    for known in &known[..batch.count] {
+        search_reach = f64::max(search_reach, if known.is_finite() { 1.001 * known } else { cells.size() });
     }
-    list.clear(simd, lanes);
     search_reach = search_reach.min(farthest);
-    while count > 0 {
-        let mut bounds = Bounds::NONE;
-        for &l in &left[..count] {
-            bounds.add(place(l));
-        }
+    let mut left = (1u32 << batch.count) - 1;
+    list.clear(simd, left);
+    while left != 0 {
+        let places = only_left(&batch.anchors, left);
         let near = search_reach.min(MAX_REACH * cells.size());
-        let found = buffers.around.find_few(simd, cells, &bounds, near, MAX_EXAMINED * MAX_MET);
+        let found = buffers.around.find_few(simd, cells, &Bounds::of(&places), near, MAX_EXAMINED * MAX_MET);
         // in a wide batch, single precision cannot decide which points are within reach
         let tells = |frame: &Frame| f64::from(frame.rounding) <= 0.01 * (spread * frame.unit).powi(2);
         let suits = |frame: &Frame| {
@@ -66,7 +55,7 @@ pub fn search<S: Simd>(
         };
         let Some(frame) = found.filter(suits) else {
             let mut last = NONE;
-            for &l in &left[..count] {
+            for l in (0..BATCH).filter(|l| left & (1 << l) != 0) {
                 last = pairing.search_tree(place(l), [batch.partners[l].to_bits(), last]);
                 batch.partners[l] = f32::from_bits(last);
                 // negative bounds tell nothing
@@ -74,42 +63,88 @@ pub fn search<S: Simd>(
             }
             return;
         };
-        let points = frame.lanes(left[..count].iter().map(|&l| place(l)));
-        let nearest = buffers.measure(simd, &points);
+        let points = frame.narrow(simd, &places);
         let (low, _) = frame.limits(search_reach);
-        let last = search_reach >= farthest;
-        let spread = (spread * unit).powi(2) as f32;
-        let mut limits = [-1.0; BATCH];
-        for i in 0..count {
-            if nearest[i] + spread <= low || last {
-                limits[i] = low.min(nearest[i] + spread);
+        let mut limits = known.map(|known| low.min((known * unit).powi(2) as f32));
+        let mut listed = left;
+        if (0..BATCH).any(|l| left & (1 << l) != 0 && known[l] >= search_reach) {
+            let nearest = buffers.nearest(simd, &points);
+            let spread = (spread * unit).powi(2) as f32;
+            for l in 0..BATCH {
+                limits[l] = low.min(nearest[l] + spread);
+                if nearest[l] + spread > low && search_reach < farthest {
+                    listed &= !(1 << l);
+                }
             }
         }
-        let beyond = buffers.fill(simd, &points, &left, &limits, list);
-        let mut listed = 0;
-        let mut kept = 0;
-        for i in 0..count {
-            let l = left[i];
-            if limits[i] < 0.0 {
-                left[kept] = l;
-                kept += 1;
+        for l in 0..BATCH {
+            limits[l] = if listed & (1 << l) != 0 { limits[l] } else { -1.0 };
+        }
+        let beyond = buffers.fill(simd, &points, &limits, list);
+        let rounding = (1e-6 * frame.extent * unit) as f32;
+        for l in 0..BATCH {
+            if listed & (1 << l) != 0 {
+                batch.rounding[l] = rounding;
+                batch.beyond[l] = (beyond[l] - frame.rounding).max(0.0).sqrt() - rounding;
+            }
+        }
+        left &= !listed;
+        let mut open = choose(simd, pairing, batch, list, moved, listed);
+        while open != 0 {
+            let l = open.trailing_zeros() as usize % BATCH;
+            open &= open - 1;
+            if batch.anchor(l) != place(l) {
+                // the list of the place ahead does not reach back
+                for k in 0..3 {
+                    batch.anchors[k][l] = moved[k][l];
+                }
+                known[l] = f64::INFINITY;
+                list.clear(simd, 1 << l);
+                left |= 1 << l;
                 continue;
             }
-            batch.rounding[l] = (1e-6 * frame.extent * unit) as f32;
-            batch.beyond[l] = (beyond[i] - frame.rounding).max(0.0).sqrt() - batch.rounding[l];
-            listed |= 1 << l;
-        }
-        let mut crowded = choose(simd, pairing, batch, list, moved, listed);
-        while crowded != 0 {
-            let l = crowded.trailing_zeros() as usize % BATCH;
-            crowded &= crowded - 1;
             // too many points are as near as the nearest
             batch.partners[l] = f32::from_bits(exact(cells, &buffers.around, place(l), search_reach));
             batch.others[l] = -1.0;
         }
-        count = kept;
         search_reach = (2.0 * search_reach).min(farthest);
     }
+}
+
+/// Returns places, with those of lanes that are not left replaced by one that is.
+#[inline(always)]
+fn only_left(places: &[[f64; BATCH]; 3], left: u32) -> [[f64; BATCH]; 3] {
+    let mut kept = *places;
+    for l in 0..BATCH {
+        if left & (1 << l) == 0 {
+            for k in 0..3 {
+                kept[k][l] = places[k][left.trailing_zeros() as usize % BATCH];
+            }
+        }
+    }
+    kept
+}
+
+/// Returns places ahead of the points. Lists made there last longer: points mostly move on in the direction of their
+/// last step.
+///
+/// A list must serve the present place too, so no point is led farther than half of what its list allows.
+#[inline(always)]
+fn lead(pairing: &Pairing, batch: &Batch, moved: &[[f64; BATCH]; 3], spread: f64) -> [[f64; BATCH]; 3] {
+    let before = batch.moved_to(&pairing.before);
+    let mut ahead = *moved;
+    for l in 0..BATCH {
+        let length = |x: Point| (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]).sqrt();
+        let [x, y, z] = [0, 1, 2].map(|k| batch.targets[k][l] - moved[k][l]);
+        let step = [0, 1, 2].map(|k| moved[k][l] - before[k][l]);
+        let apart = length([x, y, z]).min(pairing.reach);
+        let most = 0.5 * ((apart * apart + spread * spread).sqrt() - apart);
+        let steps = (most / length(step)).min(LEAD);
+        for k in 0..3 {
+            ahead[k][l] += steps * step[k];
+        }
+    }
+    ahead
 }
 
 /// Returns the position of the nearest point around, the first in the cells' order among equals; NONE if it is out of
