@@ -102,13 +102,10 @@ pub fn least_eigenvectors(matrices: &[Doubles; 6]) -> ([Doubles; 3], Doubles, [b
             if first { x } else { other }
         };
         let v = [choose(m[0], m[1], m[2]), choose(m[1], m[3], m[4]), choose(m[2], m[4], m[5])];
-        let rayleigh = |v: Point| {
-            let v = times(&adjugate(&a, dot(v, times(&a, v))), v);
-            let length = dot(v, v).sqrt();
-            v.map(|x| x / length)
-        };
-        let length = dot(v, v).sqrt();
-        let v = rayleigh(rayleigh(v.map(|x| x / length)));
+        let rayleigh = |v: Point| times(&adjugate(&a, dot(v, times(&a, v)) / dot(v, v)), v);
+        let v = rayleigh(rayleigh(v));
+        let inverse = 1.0 / dot(v, v).sqrt();
+        let v = v.map(|x| x * inverse);
         let v_a = times(&a, v);
         let value = dot(v, v_a);
         // the other two eigenvalues from their sum and product
