@@ -6,6 +6,7 @@ use crate::checks::{check_finite, check_positive, check_same_length};
 use crate::error::Result;
 use crate::geometry::{Moments, Point, dot, sub};
 use crate::index::around::Around;
+use crate::index::bounds::Bounds;
 use crate::index::cells::Cells;
 use crate::index::hierarchy::crowded::Crowded;
 use crate::parallel;
@@ -122,11 +123,11 @@ kernel! {
         around: &mut Around,
         sums: &mut Sums,
     ) -> Option<[bool; BATCH]> {
-        let frame = around.find(simd, cells, &cells.bounds(batch), radius)?;
-        let lanes = frame.lanes(batch.iter().map(|&position| cells.point(position as usize)));
+        let places = cells.batch(batch);
+        let frame = around.find(simd, cells, &Bounds::of(&places), radius)?;
         let (low, high) = frame.limits(radius);
-        sums.measure(simd, around, &lanes, high);
-        let [certain, possible] = sums.add(simd, cells, &frame, [&[low; BATCH], &[high; BATCH]]);
+        let possible = sums.measure(simd, around, &frame.narrow(simd, &places), high);
+        let certain = sums.add(simd, cells, &frame, &places, &[low; BATCH]);
         Some(std::array::from_fn(|l| certain[l] != possible[l]))
     }
 }

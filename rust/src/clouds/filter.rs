@@ -6,6 +6,7 @@ use crate::checks::{check_finite, check_positive};
 use crate::error::Result;
 use crate::geometry::{Point, squared_distance};
 use crate::index::around::{Around, squared_distances};
+use crate::index::bounds::Bounds;
 use crate::index::cells::Cells;
 use crate::index::hierarchy::crowded::Crowded;
 use crate::parallel;
@@ -95,8 +96,9 @@ kernel! {
         batch: &[u32],
         around: &mut Around,
     ) -> Option<[Singles; 2]> {
-        let frame = around.find(simd, cells, &cells.bounds(batch), radius)?;
-        let lanes = frame.lanes(batch.iter().map(|&position| cells.point(position as usize)));
+        let places = cells.batch(batch);
+        let frame = around.find(simd, cells, &Bounds::of(&places), radius)?;
+        let lanes = frame.narrow(simd, &places);
         let lanes = [simd.load(&lanes[0]), simd.load(&lanes[1]), simd.load(&lanes[2])];
         let (low, high) = frame.limits(radius);
         let (low, high) = (simd.splat(low), simd.splat(high));

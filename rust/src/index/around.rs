@@ -281,23 +281,6 @@ impl Frame {
         ]
     }
 
-    /// Converts points to lanes; lanes without a point repeat the first one.
-    #[inline(always)]
-    pub fn lanes(&self, points: impl ExactSizeIterator<Item = Point>) -> [Singles; 3] {
-        let mut lanes = [[0.0; BATCH]; 3];
-        let count = points.len();
-        for (l, p) in points.enumerate() {
-            for k in 0..3 {
-                lanes[k][l] = ((p[k] - self.origin[k]) * self.unit) as f32;
-            }
-        }
-        for lane in &mut lanes {
-            let first = lane[0];
-            lane[count..].fill(first);
-        }
-        lanes
-    }
-
     /// Returns two limits of squared distances: below the first, a point is certainly within `distance`; above the
     /// second, certainly not.
     #[inline(always)]

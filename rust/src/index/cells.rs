@@ -21,6 +21,8 @@ const BLOCK_BITS: u32 = 5; // bits of the number of a cell inside a block
 const IN_BLOCK: u64 = (1 << BLOCK_BITS) - 1; // mask of a cell's number inside its block
 /// Bits of the number of a part of a cell along each axis, if the points of a cell are sorted by its parts.
 const PART_BITS: u32 = 2;
+const BATCH_CELLS: u64 = 4; // cells along an axis that a batch takes points from, at most
+const BATCH_CELLS_IN_PARTS: u64 = 2; // the same if the points of a cell are sorted by its parts
 /// Rows of cells for each point, at most, for which all rows are kept, even those without points.
 const MAX_ROWS_PER_POINT: usize = 2;
 
@@ -31,6 +33,8 @@ pub struct Cells {
     inverse: f64,
     /// Whether cells are much wider than the caller asked for.
     wide: bool,
+    /// Cells along an axis that a batch takes points from, at most.
+    batch_cells: u64,
     /// The axes in the order of the key, the longest last, and the last cell along each.
     axes: [usize; 3],
     last: [u64; 3],
@@ -76,6 +80,7 @@ impl Cells {
             size,
             inverse,
             wide: size > WIDE * asked,
+            batch_cells: if BITS > 0 { BATCH_CELLS_IN_PARTS } else { BATCH_CELLS },
             axes,
             last,
             shifts,
@@ -86,7 +91,7 @@ impl Cells {
             order: Vec::new(),
         };
         let key = |p: &Point| -> u64 {
-            let fine = axes.map(|k| ((p[k] - low[k]) * (inverse * f64::from(1 << BITS))) as u64);
+            let fine = axes.map(|k| u64::from(((p[k] - low[k]) * (inverse * f64::from(1 << BITS))) as u32));
             let [a, b, c] = fine.map(|fine| fine >> BITS);
             let key = ((c >> BLOCK_BITS) << shifts[2]) | (a << shifts[0]) | (b << shifts[1]) | (c & IN_BLOCK);
             let [a, b, c] = fine.map(spread);
@@ -228,14 +233,16 @@ impl Cells {
         lists
     }
 
-    /// Returns the box around the points at some positions.
+    /// Puts the points at some positions into the lanes of a batch; lanes without a point repeat the first one.
     #[inline(always)]
-    pub fn bounds(&self, positions: &[u32]) -> Bounds {
-        let mut bounds = Bounds::NONE;
-        for &position in positions {
-            bounds.add(self.point(position as usize));
+    pub fn batch(&self, positions: &[u32]) -> [[f64; BATCH]; 3] {
+        let mut places = self.point(positions[0] as usize).map(|x| [x; BATCH]);
+        for (l, &position) in positions.iter().enumerate().take(BATCH) {
+            for k in 0..3 {
+                places[k][l] = self.coordinates[k][position as usize];
+            }
         }
-        bounds
+        places
     }
 
     /// Returns the number of the cell at a distance from the lowest place along an axis of the key, limited to the

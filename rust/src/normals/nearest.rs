@@ -9,16 +9,18 @@ use crate::error::{Error, Result};
 use crate::geometry::{Moments, Point, Symmetric3, squared_distance, sub};
 use crate::index::Tree;
 use crate::index::around::Around;
+use crate::index::bounds::Bounds;
 use crate::index::cells::Cells;
 use crate::index::reach::reach_of;
 use crate::parallel;
 use crate::simd::{BATCH, Simd, Singles, kernel};
 
-const WIDTH: f64 = 1.3; // width of a cell, distances of the k-th neighbour
-const FIRST_REACH: f64 = 1.3; // reach of the first search, distances of the k-th neighbour
-const MAX_REACH: f64 = 8.0; // reach of the last search, cells; the tree finds the neighbours of much sparser points
+const WIDTH: f64 = 2.0; // width of a cell, distances of the k-th neighbour
+const FIRST_REACH: f64 = 1.4; // reach of the first search, distances of the k-th neighbour
+const MAX_REACH: f64 = 5.0; // reach of the last search, cells; the tree finds the neighbours of much sparser points
 /// Points that a search meets at most, for each neighbour; the tree finds the neighbours of much denser points.
 const MAX_MET: usize = 64;
+const ALL: u32 = (1 << BATCH) - 1; // a bit for each lane
 const MAX_ROUNDS: usize = 24; // rounds of the search for the k-th distance at most
 
 /// Fits a plane to the `k` nearest points of each point.
@@ -36,10 +38,9 @@ pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {
         ));
     }
     parallel::run(|| {
-        let cells = Cells::new(points, WIDTH * reach_of(points, k));
+        let cells = Cells::new_in_parts(points, WIDTH * reach_of(points, k));
         let tree = OnceLock::new();
         cells.batches().for_each_task(|(search, covariances): &mut (Search, Covariances), batches| {
-            search.guess = 0.0; // answers must not depend on which tasks share buffers
             for batch in batches {
                 search.left.clear();
                 search.left.extend(batch);
@@ -82,8 +83,6 @@ struct Search {
     left: Vec<u32>,
     around: Around,
     sums: Sums,
-    /// The last limit between a k-th and a next distance, squared.
-    guess: f32,
 }
 
 /// Whether the k nearest points of a point are known.
@@ -132,28 +131,27 @@ kernel! {
         k: usize,
         reach: f64,
     ) -> Option<[Cut; BATCH]> {
-        let Search { left, around, sums, guess } = search;
-        let frame = around.find(simd, cells, &cells.bounds(left), reach)?;
+        let Search { left, around, sums } = search;
+        let places = cells.batch(left);
+        let frame = around.find(simd, cells, &Bounds::of(&places), reach)?;
         if around.count() > MAX_MET * k {
             return None;
         }
         if around.count() < k {
             return Some([Cut::Beyond; BATCH]);
         }
-        let lanes = frame.lanes(left.iter().map(|&position| cells.point(position as usize)));
+        // points beyond the reach are certainly farther than this
         let (farthest, _) = frame.limits(reach);
-        // a gap of twice the rounding error on one side decides
+        let within = sums.measure(simd, around, &frame.narrow(simd, &places), farthest);
+        // a gap of twice the rounding error decides
         let margin = 2.0 * frame.rounding;
-        sums.measure(simd, around, &lanes, farthest + 2.0 * margin);
-        let within = sums.count_below(simd, &[farthest; BATCH]);
         let k = k as f32;
-        let (at, count) = cut(simd, sums, k, (farthest, within), guess);
-        let limits = [&at, &at.map(|at| at + margin), &at.map(|at| at - margin)];
-        let [_, above, below] = sums.add(simd, cells, &frame, limits);
+        let at = cut(simd, sums, k, farthest, &within, margin);
+        let count = sums.add(simd, cells, &frame, &places, &at);
         Some(std::array::from_fn(|l| {
             if within[l] < k {
                 Cut::Beyond
-            } else if count[l] == k && (above[l] == k || below[l] == k) {
+            } else if count[l] == k && at[l] <= farthest {
                 Cut::Clear
             } else {
                 Cut::Close
@@ -162,45 +160,42 @@ kernel! {
     }
 }
 
-/// Finds in each lane a number between the k-th and the next squared distance, by counting those below it.
+/// Finds in each lane a number between the k-th and the next squared distance, a margin from one of them.
 ///
-/// Uses false position, with halving where that is slow. Starts with the `farthest` and the counts within it. `guess`
-/// is the answer for other points. Also returns the last counts, which are `k` where it succeeded.
+/// Counts the distances below some number, which gives the answer if they are `k`, one more or one fewer. Otherwise
+/// uses false position, with halving where that is slow. Starts with the `farthest` and the counts `within` it. Returns
+/// a negative number where many points are as far as the k-th.
 #[inline(always)]
-fn cut<S: Simd>(
-    simd: S,
-    sums: &Sums,
-    k: f32,
-    (farthest, within): (f32, Singles),
-    guess: &mut f32,
-) -> (Singles, Singles) {
-    let (mut low, mut low_count) = ([0.0; BATCH], [0.0; BATCH]);
-    let (mut high, mut high_count) = ([farthest; BATCH], within);
-    let mut at = [if *guess > 0.0 && *guess < farthest { *guess } else { 0.5 * farthest }; BATCH];
-    let mut count = [0.0; BATCH];
-    for round in 0..MAX_ROUNDS {
-        count = sums.count_below(simd, &at);
-        let mut open = 0;
-        for l in 0..BATCH {
-            let (below, above) = (count[l] < k, count[l] > k);
-            low[l] = if below { at[l] } else { low[l] };
-            low_count[l] = if below { count[l] } else { low_count[l] };
-            high[l] = if above { at[l] } else { high[l] };
-            high_count[l] = if above { count[l] } else { high_count[l] };
-            let last = if high_count[l] == k { 0.5 } else { 0.0 };
-            let share = (k + 0.5 - low_count[l]) / (high_count[l] + last - low_count[l]);
-            let share = if round % 3 == 2 { 0.5 } else { share };
-            let next = low[l] + (high[l] - low[l]) * share;
-            let found = !(below | above) | (within[l] < k);
-            at[l] = if found { at[l] } else { next };
-            open |= i32::from(!found);
-        }
-        if open == 0 {
+fn cut<S: Simd>(simd: S, sums: &Sums, k: f32, farthest: f32, within: &Singles, margin: f32) -> Singles {
+    let [one_fewer, one_more, middle] = [k - 1.0, k + 1.0, k + 0.5].map(|count| simd.splat(count));
+    let (half, one, margin) = (simd.splat(0.5), simd.splat(1.0), simd.splat(margin));
+    let within = simd.load(within);
+    let (mut low, mut low_count) = (simd.splat(0.0), simd.splat(0.0));
+    let (mut high, mut high_count) = (simd.splat(farthest), within);
+    let mut at = simd.mul(high, simd.min(simd.div(simd.splat(k), within), one));
+    let mut found = simd.bits(simd.le(within, one_fewer));
+    for round in 1..=MAX_ROUNDS {
+        let [count, last, first] = sums.count_below(simd, at);
+        let (fewer, more) = (simd.le(count, one_fewer), simd.le(one_more, count));
+        (low, low_count) =
+            (simd.select(fewer, first, low), simd.select(fewer, simd.add(count, one), low_count));
+        (high, high_count) = (simd.select(more, last, high), simd.select(more, count, high_count));
+        let kth = simd.select(fewer, first, last);
+        let beside = simd.select(more, simd.sub(last, margin), simd.add(kth, margin));
+        let share = simd.div(simd.sub(middle, low_count), simd.sub(high_count, low_count));
+        let share = if round % 3 == 0 { half } else { share };
+        let next = simd.add(low, simd.mul(simd.sub(high, low), share));
+        let hit = simd.bits(simd.le(one_fewer, count)) & simd.bits(simd.le(count, one_more));
+        at = simd.select(simd.mask(found), at, simd.select(simd.mask(hit), beside, next));
+        // the k-th distance is one of several equal ones
+        let equal = simd.bits(simd.le(high, low));
+        found |= hit | equal;
+        if found == ALL {
             break;
         }
     }
-    *guess = at[0];
-    (at, count)
+    // nothing is below this
+    simd.store(simd.select(simd.mask(found), at, simd.splat(-1.0)))
 }
 
 /// Returns the covariance of the k nearest points in double precision, the first in the cells' order among equals; None

@@ -8,6 +8,7 @@ use crate::checks::{check_finite, check_normals, check_positive, check_same_leng
 use crate::error::Result;
 use crate::geometry::{Point, advance, squared_distance, sub};
 use crate::index::around::{Around, Carried, squared_distances};
+use crate::index::bounds::Bounds;
 use crate::index::cells::Cells;
 use crate::index::hierarchy::crowded::{Crowded, Sum};
 use crate::parallel;
@@ -107,8 +108,9 @@ kernel! {
         batch: &[u32],
         around: &mut Around,
     ) -> Option<([usize; BATCH], [Point; BATCH])> {
-        let frame = around.find_carried(simd, cells, &cells.bounds(batch), reach, axis)?;
-        let lanes = frame.lanes(batch.iter().map(|&position| cells.point(position as usize)));
+        let places = cells.batch(batch);
+        let frame = around.find_carried(simd, cells, &Bounds::of(&places), reach, axis)?;
+        let lanes = frame.narrow(simd, &places);
         let lanes = [simd.load(&lanes[0]), simd.load(&lanes[1]), simd.load(&lanes[2])];
         let (low, high) = frame.limits(reach);
         let (low, high, one) = (simd.splat(low), simd.splat(high), simd.splat_whole(1));

@@ -105,6 +105,9 @@ impl Simd for Avx2 {
         fn mul(self, a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
             [_mm256_mul_ps(a[0], b[0]), _mm256_mul_ps(a[1], b[1])]
         }
+        fn div(self, a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
+            [_mm256_div_ps(a[0], b[0]), _mm256_div_ps(a[1], b[1])]
+        }
         fn min(self, a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
             [_mm256_min_ps(a[0], b[0]), _mm256_min_ps(a[1], b[1])]
         }
@@ -186,6 +189,9 @@ impl Simd for Avx2 {
         }
         fn sub_half(self, a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
             [_mm256_sub_pd(a[0], b[0]), _mm256_sub_pd(a[1], b[1])]
+        }
+        fn mul_half(self, a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
+            [_mm256_mul_pd(a[0], b[0]), _mm256_mul_pd(a[1], b[1])]
         }
         fn add_half_if(self, mask: __m256, a: [__m256d; 2], x: [__m256d; 2]) -> [__m256d; 2] {
             let mask = _mm256_castps_si256(mask);

@@ -95,6 +95,9 @@ impl Simd for Avx512 {
         fn mul(self, a: __m512, b: __m512) -> __m512 {
             _mm512_mul_ps(a, b)
         }
+        fn div(self, a: __m512, b: __m512) -> __m512 {
+            _mm512_div_ps(a, b)
+        }
         fn min(self, a: __m512, b: __m512) -> __m512 {
             _mm512_min_ps(a, b)
         }
@@ -157,6 +160,9 @@ impl Simd for Avx512 {
         }
         fn sub_half(self, a: __m512d, b: __m512d) -> __m512d {
             _mm512_sub_pd(a, b)
+        }
+        fn mul_half(self, a: __m512d, b: __m512d) -> __m512d {
+            _mm512_mul_pd(a, b)
         }
         fn add_half_if(self, mask: __mmask8, a: __m512d, x: __m512d) -> __m512d {
             _mm512_mask_add_pd(a, mask, a, x)

@@ -63,6 +63,10 @@ impl Simd for Portable {
         std::array::from_fn(|l| a[l] * b[l])
     }
     #[inline(always)]
+    fn div(self, a: Singles, b: Singles) -> Singles {
+        std::array::from_fn(|l| a[l] / b[l])
+    }
+    #[inline(always)]
     fn min(self, a: Singles, b: Singles) -> Singles {
         std::array::from_fn(|l| if a[l] < b[l] { a[l] } else { b[l] })
     }
@@ -141,6 +145,10 @@ impl Simd for Portable {
     #[inline(always)]
     fn sub_half(self, a: Doubles, b: Doubles) -> Doubles {
         std::array::from_fn(|l| a[l] - b[l])
+    }
+    #[inline(always)]
+    fn mul_half(self, a: Doubles, b: Doubles) -> Doubles {
+        std::array::from_fn(|l| a[l] * b[l])
     }
     #[inline(always)]
     fn add_half_if(self, mask: [bool; LANES], a: Doubles, x: Doubles) -> Doubles {

@@ -33,6 +33,7 @@ pub trait Simd: Copy {
     fn add(self, a: Self::F, b: Self::F) -> Self::F;
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
     fn mul(self, a: Self::F, b: Self::F) -> Self::F;
+    fn div(self, a: Self::F, b: Self::F) -> Self::F;
     /// The smaller of two numbers, lane by lane.
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
     /// The larger of two numbers, lane by lane.
@@ -70,6 +71,7 @@ pub trait Simd: Copy {
     fn store_half(self, x: Self::D) -> Doubles;
     fn splat_half(self, x: f64) -> Self::D;
     fn sub_half(self, a: Self::D, b: Self::D) -> Self::D;
+    fn mul_half(self, a: Self::D, b: Self::D) -> Self::D;
     /// Adds x in the lanes of the mask.
     fn add_half_if(self, mask: Self::H, a: Self::D, x: Self::D) -> Self::D;
 }

@@ -78,6 +78,7 @@ kernel! {
         let mut results: Vec<Vec<u32>> = [
             simd.add(x, y),
             simd.sub(x, y),
+            simd.div(x, y),
             simd.mul(x, y),
             simd.min(x, y),
             simd.max(x, y),
@@ -92,7 +93,8 @@ kernel! {
         results.push([less, chosen, simd.or(less, chosen), simd.xor(less, chosen)].map(|m| simd.bits(m)).to_vec());
         results.push(simd.store_whole(count).map(|x| x as u32).to_vec());
         for half in [simd.half::<false>(chosen), simd.half::<true>(chosen)] {
-            let sums = simd.sub_half(simd.load_half(&[0.1; LANES]), simd.splat_half(0.3));
+            let tenth = simd.load_half(&[0.1; LANES]);
+            let sums = simd.sub_half(simd.mul_half(tenth, tenth), simd.splat_half(0.3));
             let sums = simd.store_half(simd.add_half_if(half, sums, simd.splat_half(1e-9)));
             results.push(sums.iter().flat_map(|x| [x.to_bits() as u32, (x.to_bits() >> 32) as u32]).collect());
         }

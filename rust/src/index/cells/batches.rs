@@ -10,9 +10,8 @@ use super::{Cells, fill, spread};
 use crate::index::sort::sort_words;
 use crate::simd::BATCH;
 
-const BATCH_CELLS: u64 = 4; // cells along an axis that a batch takes points from, at most
 /// Batches that one task works on; fixed, so that results do not depend on the number of threads.
-const BATCHES_PER_TASK: usize = 64;
+const BATCHES_PER_TASK: usize = 32;
 
 impl Cells {
     /// Divides all points into batches of at most [`BATCH`] near points.
@@ -43,7 +42,7 @@ impl Cells {
                 high[k] = high[k].max(number[k]);
             }
             let mut filled = positions.len() - starts[starts.len() - 1] as usize;
-            let far = (0..3).any(|k| high[k] - low[k] >= BATCH_CELLS);
+            let far = (0..3).any(|k| high[k] - low[k] >= self.batch_cells);
             if filled > 0 && (far || filled == BATCH) {
                 starts.push(positions.len() as u32);
                 (low, high) = (number, number);
