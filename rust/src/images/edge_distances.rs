@@ -117,8 +117,8 @@ impl EdgeDistances {
     #[inline(always)]
     fn cell(&self, x: f64, y: f64) -> ([usize; 2], [f64; 2]) {
         let at = [x.clamp(0.0, (self.size[0] - 1) as f64), y.clamp(0.0, (self.size[1] - 1) as f64)];
-        let first = [0, 1].map(|c| (at[c] as usize).min(self.size[c] - 2));
-        (first, [0, 1].map(|c| at[c] - first[c] as f64))
+        let first = [0, 1].map(|c| (at[c] as u32).min(self.size[c] as u32 - 2));
+        (first.map(|i| i as usize), [0, 1].map(|c| at[c] - f64::from(first[c])))
     }
 
     #[inline(always)]

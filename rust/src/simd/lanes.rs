@@ -22,4 +22,20 @@ impl Lanes {
     pub const fn all(value: f32) -> Self {
         Self([value; LANES])
     }
+
+    /// Returns the first lane with the least number; no number may be NaN.
+    #[inline(always)]
+    pub fn find_least(&self) -> usize {
+        let mut least = self.0;
+        for half in [4, 2, 1] {
+            for l in 0..half {
+                least[l] = if least[l + half] < least[l] { least[l + half] } else { least[l] };
+            }
+        }
+        let mut bits = 0u32;
+        for l in 0..LANES {
+            bits |= u32::from(self.0[l] == least[0]) << l;
+        }
+        bits.trailing_zeros() as usize % LANES
+    }
 }

@@ -10,6 +10,7 @@ use crate::parallel;
 
 const REACH: f64 = 1.5; // pixels farther than this from every node support none, image radii
 const PIXELS_PER_TASK: usize = 2048;
+const SLACK: f64 = 1e-6; // pixels by which a search reaches farther than a better node, against rounding
 
 /// Counts for each rope's nodes the pixels with depth nearest to them, and the views of these.
 ///
@@ -69,10 +70,13 @@ fn count_in_view(
         let mut best: Option<(f64, usize)> = None;
         for &(n, at) in grid.around(pixel, side).flatten() {
             let square = (at[0] - pixel[0]).powi(2) + (at[1] - pixel[1]).powi(2);
-            if square >= side * side {
+            // most nodes are too far to be better, which their squares tell
+            let hidden = nodes[n as usize].2;
+            let reach = best.map_or(side, |b| side.min((b.0 - hidden) * radius_px + SLACK));
+            if square >= reach * reach || reach <= 0.0 {
                 continue;
             }
-            let rank = square.sqrt() / radius_px + nodes[n as usize].2;
+            let rank = square.sqrt() / radius_px + hidden;
             if best.is_none_or(|b| rank < b.0) {
                 best = Some((rank, n as usize));
             }

@@ -123,12 +123,7 @@ kernel! {
                 direction[k] = (to_camera[k] * scale) as f32;
             }
             let (costs, numbers) = find_cheapest(simd, search, blocks, x, direction);
-            let mut best = 0;
-            for l in 1..LANES {
-                if costs.0[l] < costs.0[best] {
-                    best = l;
-                }
-            }
+            let best = costs.find_least();
             if costs.0[best] < f32::MAX {
                 *found = Some(blocks[numbers.0[best] as usize].places[best]);
             }
