@@ -24,4 +24,4 @@ mod vector;
 pub use eigen::{Symmetric3, eigen_symmetric, least_eigenvectors};
 pub use moments::Moments;
 pub use motion::{RigidMotion, measure_shift};
-pub use vector::{Point, advance, cell_of, centroid, cross, dot, normalized, squared_distance, sub};
+pub use vector::{Point, advance, cell_of, centroid, cross, cut_off, dot, normalized, squared_distance, sub};

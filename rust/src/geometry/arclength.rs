@@ -1,7 +1,7 @@
 //! Arc length along a spline, from a table.
 
 use super::spline::{Place, Spline};
-use super::vector::{Point, dot, normalized};
+use super::vector::{Point, cut_off, dot, normalized};
 
 const ENTRIES_PER_SPAN: f64 = 16.0; // table entries for each span; arc length is linear in the parameter between them
 
@@ -91,8 +91,9 @@ pub(crate) fn find_parameter(arc: &[f64], [first, last]: [f64; 2], s: f64) -> f6
 pub(crate) fn find_arc_length(arc: &[f64], [first, last]: [f64; 2], parameter: f64) -> f64 {
     let entries = (arc.len() - 1) as f64;
     let place = ((parameter - first) * (entries / (last - first))).clamp(0.0, entries);
-    let i = (place as usize).min(arc.len() - 2);
-    arc[i] + (place - i as f64) * (arc[i + 1] - arc[i])
+    let first = cut_off(place).min(arc.len() as u32 - 2);
+    let i = first as usize;
+    arc[i] + (place - f64::from(first)) * (arc[i + 1] - arc[i])
 }
 
 /// Returns the unit tangent at a place.

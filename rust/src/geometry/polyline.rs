@@ -60,11 +60,11 @@ pub fn count_seen(arc_lengths: &[f64], views: &[i64], spacing: f64, nodes: usize
 pub fn resampled<const N: usize>(nodes: &[[f64; N]], step: f64) -> Vec<[f64; N]> {
     let arc = arc_length(nodes);
     let length = arc[arc.len() - 1];
-    let count = ((length / step).round() as usize).max(1);
+    let count = ((length / step).round() as u32).max(1);
     let mut i = 0;
     (0..=count)
         .map(|k| {
-            let s = length * k as f64 / count as f64;
+            let s = length * f64::from(k) / f64::from(count);
             while i + 2 < arc.len() && arc[i + 1] < s {
                 i += 1;
             }

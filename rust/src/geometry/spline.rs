@@ -1,7 +1,7 @@
 //! Uniform cubic B-spline curves.
 
 use super::polyline::arc_length;
-use super::vector::{Point, advance, dot, sub};
+use super::vector::{Point, advance, cut_off, dot, sub};
 use crate::checks::{check_finite, check_positive};
 use crate::error::{Error, Result};
 
@@ -46,9 +46,9 @@ impl Pieces {
     /// Returns the position and derivatives at a parameter.
     #[inline]
     pub fn at(&self, u: f64) -> Place {
-        let first = (u.max(0.0) as usize).min(self.spans.len() - 1);
-        let t = u - first as f64;
-        let c = &self.spans[first];
+        let first = cut_off(u).min(self.spans.len() as u32 - 1);
+        let t = u - f64::from(first);
+        let c = &self.spans[first as usize];
         let mut place = Place { position: c[0], first: c[1], second: c[2] };
         for k in 0..3 {
             place.position[k] = c[0][k] + t * (c[1][k] + t * (c[2][k] + t * c[3][k]));
@@ -74,8 +74,8 @@ impl Pieces {
 /// Returns the first of the four control points that act at a parameter, and the parameter within its span.
 #[inline]
 fn span(u: f64, controls: usize) -> (usize, f64) {
-    let first = (u.max(0.0) as usize).min(controls - 4);
-    (first, u - first as f64)
+    let first = cut_off(u).min(controls as u32 - 4);
+    (first as usize, u - f64::from(first))
 }
 
 /// Returns the weights of the four control points.

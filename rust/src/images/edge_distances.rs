@@ -10,6 +10,7 @@ use super::bits::{Bits, WORD_PIXELS, select};
 use super::distances::measure_alone;
 use super::image::{Image, smoothing_kernel};
 use super::runs::Mask;
+use crate::geometry::cut_off;
 use crate::parallel;
 use crate::simd::kernel;
 
@@ -117,7 +118,7 @@ impl EdgeDistances {
     #[inline(always)]
     fn cell(&self, x: f64, y: f64) -> ([usize; 2], [f64; 2]) {
         let at = [x.clamp(0.0, (self.size[0] - 1) as f64), y.clamp(0.0, (self.size[1] - 1) as f64)];
-        let first = [0, 1].map(|c| (at[c] as u32).min(self.size[c] as u32 - 2));
+        let first = [0, 1].map(|c| cut_off(at[c]).min(self.size[c] as u32 - 2));
         (first.map(|i| i as usize), [0, 1].map(|c| at[c] - f64::from(first[c])))
     }
 

@@ -1,6 +1,7 @@
 //! The depth of the ropes across an image: smooth, so that it is known beside the masks too.
 
 use crate::clouds::depth::has_return;
+use crate::geometry::cut_off;
 use crate::geometry::median::upper_median;
 use crate::simd::kernel;
 
@@ -48,8 +49,8 @@ impl Relief {
         let corner = low.map(|l| l as f64);
         let mut rests: Vec<Vec<f64>> = vec![Vec::new(); size[0] * size[1]];
         for &[x, y, w] in &some {
-            let i = (((x - corner[0]) / cell) as usize).min(size[0] - 1);
-            let j = (((y - corner[1]) / cell) as usize).min(size[1] - 1);
+            let i = (cut_off((x - corner[0]) / cell) as usize).min(size[0] - 1);
+            let j = (cut_off((y - corner[1]) / cell) as usize).min(size[1] - 1);
             // also for the cells around it: pixels of other things are the minority there
             for l in j.saturating_sub(1)..(j + 2).min(size[1]) {
                 for k in i.saturating_sub(1)..(i + 2).min(size[0]) {
@@ -71,8 +72,8 @@ impl Relief {
     fn between(&self, x: f64, axis: usize) -> (usize, usize, f64) {
         let last = self.size[axis] - 1;
         let t = ((x - self.low[axis]) / self.cell - 0.5).clamp(0.0, last as f64);
-        let first = (t as usize).min(last.saturating_sub(1));
-        (first, (first + 1).min(last), t - first as f64)
+        let first = cut_off(t).min((last as u32).saturating_sub(1));
+        (first as usize, (first as usize + 1).min(last), t - f64::from(first))
     }
 
     /// Returns the residual at a column in a row of cells.

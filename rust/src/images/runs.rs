@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use crate::geometry::cut_off;
+
 /// A mask that is read and filled by runs of a row.
 pub trait Mask {
     /// Its columns and rows.
@@ -15,14 +17,11 @@ pub trait Mask {
 }
 
 /// Returns the pixels of `count` < 2³² that lie between two numbers, both included.
-///
-/// Casts cut off and saturate. They take less time than `floor` and `ceil`, which are calls on processors of every age;
-/// those of 32 bits take the least.
 #[inline(always)]
 pub fn list_between(low: f64, high: f64, count: usize) -> Range<usize> {
-    let first = low as u32;
+    let first = cut_off(low);
     let first = first as usize + usize::from(f64::from(first) < low);
-    let last = if high >= 0.0 { (high as u32 as usize + 1).min(count) } else { 0 };
+    let last = if high >= 0.0 { (cut_off(high) as usize + 1).min(count) } else { 0 };
     first.min(last)..last
 }
 

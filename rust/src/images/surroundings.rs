@@ -4,6 +4,7 @@
 //! cases.
 
 use crate::clouds::depth::has_return;
+use crate::geometry::cut_off;
 use crate::geometry::median::{MEDIAN_TO_SD, upper_median};
 use crate::images::distances::measure_distances;
 use crate::images::image::{Image, find_blobs};
@@ -203,7 +204,7 @@ impl Surroundings {
         if x < 0.0 || y < 0.0 || x >= self.shown.width as f64 || y >= self.shown.height as f64 {
             return Shown::Unknown;
         }
-        self.shown.at(x as usize, y as usize)
+        self.shown.at(cut_off(x) as usize, cut_off(y) as usize)
     }
 
     /// Returns whether something hides a place, or a place within a cell of it.

@@ -4,7 +4,7 @@ use crate::checks::{check_finite, check_positive};
 use crate::error::{Error, Result};
 use crate::geometry::arclength::{ByLength, unit_tangent};
 use crate::geometry::median::median;
-use crate::geometry::{Point, advance, dot, sub};
+use crate::geometry::{Point, advance, cut_off, dot, sub};
 use crate::simd::LANES;
 use crate::tubes::tubefit::Tube;
 
@@ -112,7 +112,7 @@ fn find_end(s: &[f64], length: f64, radius: f64) -> f64 {
     let bins = (length / width) as usize + 1;
     let mut counts = vec![0.0; bins];
     for s in s {
-        counts[((s / width) as usize).min(bins - 1)] += 1.0;
+        counts[(cut_off(s / width) as usize).min(bins - 1)] += 1.0;
     }
     let typical = median(counts.iter().copied().filter(|&count| count > 0.0).collect()).unwrap_or(0.0);
     let full = |&i: &usize| {

@@ -1,6 +1,7 @@
 //! A grid of places in an image, for searches of near places.
 
 use super::places::Place2;
+use crate::geometry::cut_off;
 
 const CELLS: f64 = 16.0; // cells for each place, about
 const NARROW: f64 = 0.51; // side of a cell at least, reaches
@@ -54,9 +55,8 @@ impl Grid {
 
     #[inline(always)]
     fn cell(&self, at: Place2) -> [usize; 2] {
-        // a cast to an integer cuts off and saturates; one of 32 bits takes the least time
         std::array::from_fn(|k| {
-            (((at[k] - self.origin[k]) * self.inverse) as u32 as usize).min(self.size[k] - 1)
+            (cut_off((at[k] - self.origin[k]) * self.inverse) as usize).min(self.size[k] - 1)
         })
     }
 

@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use super::places::Place2;
 use crate::clouds::depth::has_return;
+use crate::geometry::cut_off;
 use crate::images::silhouette::Silhouette;
 
 const DISC: f64 = 0.6; // radius of a disc, image radii
@@ -104,7 +105,7 @@ impl Medians {
             return f64::NAN;
         }
         // the nearest whole numbers
-        let [x, y] = cell.map(|c| c as usize + usize::from(c - (c as usize) as f64 >= 0.5));
+        let [x, y] = cell.map(|c| cut_off(c + 0.5) as usize);
         if x >= self.size[0] || y >= self.size[1] {
             return f64::NAN;
         }

@@ -4,6 +4,7 @@ use super::lookup::Lookup;
 use super::network::{Network, Port};
 use super::planar::{Place, bending, distance, hermite, length, resampled, smoothed, unit};
 use super::stiffness::Stiffness;
+use crate::geometry::cut_off;
 use crate::images::silhouette::{Edge, Silhouette};
 use crate::images::surroundings::Shown;
 use crate::simd::{LANES, kernel};
@@ -201,7 +202,7 @@ fn is_alike(p: &[Place], q: &[Place], within: f64) -> bool {
     let scale = (q.len() - 1) as f64 / (p.len() - 1) as f64;
     p.iter().enumerate().all(|(i, &x)| {
         let at = i as f64 * scale;
-        let k = (at as usize).min(q.len() - 2);
+        let k = (cut_off(at) as usize).min(q.len() - 2);
         let t = at - k as f64;
         distance(x, [0, 1].map(|c| q[k][c] + t * (q[k + 1][c] - q[k][c]))) <= within
     })

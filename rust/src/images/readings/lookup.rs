@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::planar::Place;
+use crate::geometry::cut_off;
 use crate::simd::{LANES, kernel};
 
 const MAX_CELLS: f64 = 4096.0; // cells along a side at most; matters for ropes much thinner than a pixel
@@ -37,8 +38,10 @@ impl Lookup {
         // without places nothing is found
         let width = ((high[0] - low[0]).max(0.0) * inverse) as usize + 1;
         let height = ((high[1] - low[1]).max(0.0) * inverse) as usize + 1;
-        let cell_of =
-            |x: &Place| ((x[1] - low[1]) * inverse) as usize * width + ((x[0] - low[0]) * inverse) as usize;
+        let cell_of = |x: &Place| {
+            let [column, row] = [0, 1].map(|c| cut_off((x[c] - low[c]) * inverse) as usize);
+            row * width + column
+        };
         let mut starts = vec![0u32; width * height + 1];
         for x in nodes {
             starts[cell_of(x) + 1] += 1;
@@ -64,10 +67,9 @@ impl Lookup {
     /// Returns the columns of cells (`c` 0) or the rows (`c` 1) within reach of a coordinate.
     #[inline(always)]
     fn range(&self, c: usize, at: f64, reach: f64) -> Range<usize> {
-        // a cast to an integer cuts off, and saturates
-        let first = ((at - reach - self.low[c]) * self.inverse) as usize;
+        let first = cut_off((at - reach - self.low[c]) * self.inverse) as usize;
         let last = (at + reach - self.low[c]) * self.inverse;
-        first..if last < 0.0 { 0 } else { (last as usize + 1).min([self.width, self.height][c]) }
+        first..if last < 0.0 { 0 } else { (cut_off(last) as usize + 1).min([self.width, self.height][c]) }
     }
 
     /// Returns the sorted places in the cells within reach of a place, row by row.

@@ -1,5 +1,6 @@
 //! Polylines in the image.
 
+use crate::geometry::cut_off;
 pub use crate::geometry::polyline::{resampled, smoothed};
 
 /// Column and row, pixels.
@@ -83,8 +84,7 @@ pub fn find_nearest_node(x: Place, p: &[Place], step: f64, within: f64) -> Optio
         if away < least {
             (least, found) = (away, Some(i));
         }
-        // a cast of 32 bits takes the least time
-        i += (((away - least) * inverse) as u32 as usize).max(1);
+        i += (cut_off((away - least) * inverse) as usize).max(1);
     }
     found.map(|i| (i, least))
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::input::{OnCurve, TubeFitOptions};
 use super::state::State;
 use crate::geometry::spline::{Pieces, Spline};
-use crate::geometry::{Point, normalized, sub};
+use crate::geometry::{Point, cut_off, normalized, sub};
 
 /// Points that one task searches for, or works on within a span; fixed, so that results do not depend on the number of
 /// threads.
@@ -61,8 +61,8 @@ pub(super) fn sort_by_span<'a>(
 ) -> (Vec<u32>, Vec<OnSpan>) {
     let on_span = |place: OnCurve| {
         let first = firsts[place.curve];
-        let span = (first + place.parameter as usize).min(firsts[place.curve + 1] - 1);
-        OnSpan { span: span as u32, t: (place.parameter - (span - first) as f64) as f32 }
+        let number = cut_off(place.parameter).min((firsts[place.curve + 1] - first) as u32 - 1);
+        OnSpan { span: first as u32 + number, t: (place.parameter - f64::from(number)) as f32 }
     };
     let (order, starts) =
         (0u32..).zip(places).filter_map(|(i, place)| place.map(|place| (i, on_span(place)))).unzip();
