@@ -35,24 +35,25 @@ impl<const W: usize> Band<W> {
     /// Factors the matrix with an added diagonal; the sum must be positive definite.
     pub fn factored(&self, diagonal: &[f64]) -> Factored<W> {
         let mut rows = self.rows.clone();
-        for i in 0..rows.len() {
-            let low = i.saturating_sub(W - 1);
-            let (above, rest) = rows.split_at_mut(i);
-            let row = &mut rest[0];
-            let mut last = row[W - 1] + diagonal[i];
-            for j in low..i {
-                let mut sum = row[j + W - 1 - i];
-                for k in low.max((j + 1).saturating_sub(W))..j {
-                    sum -= row[k + W - 1 - i] * above[j][k + W - 1 - j];
+        // the W − 1 rows before, the last of them last; zeros stand for rows above the matrix
+        let mut above = [[0.0; W]; W];
+        for (row, diagonal) in rows.iter_mut().zip(diagonal) {
+            let mut last = row[W - 1] + diagonal;
+            for c in 0..W - 1 {
+                for k in 0..c {
+                    row[c] -= row[k] * above[c][k + W - 1 - c];
                 }
-                row[j + W - 1 - i] = sum;
             }
-            for j in low..i {
-                let scaled = row[j + W - 1 - i] * above[j][W - 1];
-                last -= scaled * row[j + W - 1 - i];
-                row[j + W - 1 - i] = scaled;
+            for c in 0..W - 1 {
+                let scaled = row[c] * above[c][W - 1];
+                last -= scaled * row[c];
+                row[c] = scaled;
             }
             row[W - 1] = 1.0 / last;
+            above[W - 1] = *row;
+            for c in 1..W {
+                above[c - 1] = above[c];
+            }
         }
         Factored { rows }
     }
@@ -61,28 +62,35 @@ impl<const W: usize> Band<W> {
 impl<const W: usize> Factored<W> {
     /// Solves for K right-hand sides in place and together: each alone would wait for its own last entry.
     pub fn solve<const K: usize>(&self, x: &mut [[f64; K]]) {
-        let n = x.len();
         // leading zeros of the right-hand side stay zero
-        let start = x.iter().position(|row| row.iter().any(|&v| v != 0.0)).unwrap_or(n);
-        for i in start..n {
-            let mut value = x[i];
-            for k in start.max((i + 1).saturating_sub(W))..i {
-                let l = self.rows[i][k + W - 1 - i];
-                for (value, before) in value.iter_mut().zip(&x[k]) {
-                    *value -= l * before;
+        let start = x.iter().position(|row| row.iter().any(|&v| v != 0.0)).unwrap_or(x.len());
+        // the W − 1 rows before, the last of them last
+        let mut before = [[0.0; K]; W];
+        for (value, row) in x.iter_mut().zip(&self.rows).skip(start) {
+            for c in 0..W - 1 {
+                for k in 0..K {
+                    value[k] -= row[c] * before[c][k];
                 }
             }
-            x[i] = value;
+            before[W - 1] = *value;
+            for c in 1..W {
+                before[c - 1] = before[c];
+            }
         }
-        for i in (0..n).rev() {
-            let mut value = x[i].map(|v| v * self.rows[i][W - 1]);
-            for k in i + 1..n.min(i + W) {
-                let l = self.rows[k][i + W - 1 - k];
-                for (value, after) in value.iter_mut().zip(&x[k]) {
-                    *value -= l * after;
+        // the W − 1 rows after, the next of them first, each with its row of L
+        let mut after = [([0.0; W], [0.0; K]); W];
+        for (value, row) in x.iter_mut().zip(&self.rows).rev() {
+            *value = value.map(|v| v * row[W - 1]);
+            for c in 0..W - 1 {
+                let (row, value_after) = after[c];
+                for k in 0..K {
+                    value[k] -= row[W - 2 - c] * value_after[k];
                 }
             }
-            x[i] = value;
+            for c in (1..W).rev() {
+                after[c] = after[c - 1];
+            }
+            after[0] = (*row, *value);
         }
     }
 }

@@ -17,7 +17,7 @@ const FILLS: (f64, f64) = (0.7, 0.3);
 const SPILLS: f64 = 0.9;
 const SPECK: f64 = 1.0; // distance of a mask's pixels at least from what is left of it without specks, pixels
 const SLACK: f64 = 0.01; // pixels by which more is measured than is needed, against rounding
-const FLAT: f64 = 1e-6; // smaller slopes count as none
+const STEEP: f64 = 1e6; // larger numbers count as infinite
 const MANY: usize = 64; // pixels that are looked at together
 const NOISE: f64 = 0.5; // noise that divides depth residuals, radii
 const LIMIT: f64 = 6.0; // limit of a squared depth residual over the noise
@@ -153,12 +153,13 @@ impl Distances {
         let along = along.map(|x| x / long.max(1e-9));
         let [start, d] = [a, [b[0] - a[0], b[1] - a[1]]].map(|p| p.map(|x| x as f32));
         let inverse = 1.0 / (d[0] * d[0] + d[1] * d[1]).max(1e-12);
+        let inverses = along.map(|x| 1.0 / x);
         for y in rows {
             // columns beside the segment
             let v = y as f64 - a[1];
             let ends = [-beyond[0] - SLACK, long + beyond[1] + SLACK].map(|x| x - v * along[1]);
             let sides = [-reach - SLACK, reach + SLACK].map(|x| x + v * along[0]);
-            let [from, to] = find_between(ends, along[0], find_between(sides, along[1], [-1e9, 1e9]));
+            let [from, to] = find_between(ends, inverses[0], find_between(sides, inverses[1], [-1e9, 1e9]));
             let first = ((from + a[0]).ceil().max(columns.start as f64) as usize).min(columns.end);
             let last = ((to + a[0]).floor() + 1.0).max(first as f64).min(columns.end as f64) as usize;
             let py = y as f32 - start[1];
@@ -216,14 +217,14 @@ fn halve_turn(before: Place2, node: Place2, after: Place2) -> f64 {
     (0.5 - 0.5 * cosine).max(0.0).sqrt()
 }
 
-/// Returns the part of an interval of x in which slope * x is between two numbers.
+/// Returns the part of an interval of x in which x over a number is between two others.
 #[inline(always)]
-fn find_between([low, high]: [f64; 2], slope: f64, within: [f64; 2]) -> [f64; 2] {
-    if slope.abs() < FLAT {
+fn find_between([low, high]: [f64; 2], inverse: f64, within: [f64; 2]) -> [f64; 2] {
+    if inverse.abs() > STEEP {
         // so nearly parallel that all of it is, or none
         return if low <= SLACK && high >= -SLACK { within } else { [1.0, 0.0] };
     }
-    let (x, y) = (low / slope, high / slope);
+    let (x, y) = (low * inverse, high * inverse);
     [within[0].max(x.min(y)), within[1].min(x.max(y))]
 }
 

@@ -101,11 +101,9 @@ impl Grid {
         let [columns, rows] = self.size;
         let cells = (reach * self.inverse).ceil() as usize;
         let mut first = 0;
-        for cell in 0..columns * rows {
+        while let Some(&(place, _)) = self.items.get(first) {
+            let cell = self.cells[place as usize] as usize;
             let end = self.starts[cell + 1] as usize;
-            if first == end {
-                continue;
-            }
             let (x, y) = (cell % columns, cell / columns);
             let right = (x + cells).min(columns - 1);
             let run = |row: usize, left: usize| {
