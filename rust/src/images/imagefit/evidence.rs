@@ -143,9 +143,11 @@ impl Seen {
         let reach = 2.5 * radius_px;
         self.nearest.resize(silhouette.boundary.len(), u32::MAX);
         self.votes.clear();
+        // the sample near one edge is often near the next
+        let mut before = None;
         for (b, edge) in silhouette.boundary.iter().enumerate() {
             if self.nearest[b] as usize >= self.radii.len() {
-                match self.grid.nearest(edge.at, reach, None) {
+                match self.grid.nearest(edge.at, reach, before) {
                     Some(k) => self.nearest[b] = k as u32,
                     None => continue,
                 }
@@ -161,6 +163,7 @@ impl Seen {
             };
             self.nearest[b] = k as u32;
             let at = self.image[k];
+            before = Some((k, at));
             let e = ((vote[0] - at[0]) * normal[0] + (vote[1] - at[1]) * normal[1]) / radius;
             let along = self.directions[k][0] * normal[0] + self.directions[k][1] * normal[1];
             let chain = &curves.chains[curves.numbers[k] as usize];
