@@ -66,21 +66,29 @@ kernel! {
     }
 }
 
+kernel! {
+    /// Takes the inverses of a row's depths, 0 where there is none, and adds the depths to the sums of their columns.
+    fn invert<S>(_, row: &[f64], to: &mut [f64; SIDE], sums: &mut [f64; SIDE]) {
+        for ((to, sum), &z) in to.iter_mut().zip(sums).zip(row) {
+            let shown = has_return(z);
+            *to = if shown { 1.0 / z } else { 0.0 };
+            *sum += if shown { z } else { 0.0 };
+        }
+    }
+}
+
 /// Fits a plane to a window, given by row. Single pixels without depth are on the plane of the others.
 fn fit_window<'a>(row: impl Fn(usize) -> &'a [f64]) -> Residuals {
     let mut errors: Box<Window> = Box::new([[0.0; SIDE]; SIDE]);
-    let mut bare = Vec::new();
-    let mut sum = 0.0;
+    let mut sums = [0.0; SIDE];
     for (y, to) in errors.iter_mut().enumerate() {
-        for (x, (to, &z)) in to.iter_mut().zip(row(y)).enumerate() {
-            if has_return(z) {
-                *to = 1.0 / z;
-                sum += z;
-            } else {
-                bare.push([x, y]);
-            }
-        }
+        invert(row(y), to, &mut sums);
     }
+    let mut sum = sums.iter().sum::<f64>();
+    let bare: Vec<[usize; 2]> = (errors.iter().enumerate())
+        .filter(|(_, row)| row.contains(&0.0))
+        .flat_map(|(y, row)| (0..SIDE).filter(|&x| row[x] == 0.0).map(move |x| [x, y]))
+        .collect();
     for _ in 0..if bare.is_empty() { 0 } else { FILLINGS } {
         let plane = fit_plane(&errors);
         for &[x, y] in &bare {
