@@ -76,6 +76,13 @@ mod tests {
         assert_eq!(median(vec![]), None);
         assert_eq!(median(vec![3.0, -1.0, 2.0]), Some(2.0));
         assert_eq!(median(vec![4.0, -1.0, 2.0, 3.0]), Some(2.5));
+        assert_eq!(median(vec![-4.0, -1.0, -2.0, -3.0]), Some(-2.5));
+        assert_eq!(median(vec![f64::INFINITY, -1e300, 0.0, f64::NEG_INFINITY, -1e-300]), Some(-1e-300));
+        let numbers = [f64::NEG_INFINITY, -1e300, -1.0, -0.0, 0.0, 1e-300, 1.0, f64::INFINITY, f64::NAN];
+        let keys = numbers.map(turn_to_key);
+        assert!(
+            keys.is_sorted() && keys.map(|key| turn_to_number(key).to_bits()) == numbers.map(f64::to_bits)
+        );
         for count in [0, 5, 5000, 20_001, 30_000] {
             for distinct in [1, 3, 1_000_003] {
                 let many: Vec<f64> = (0..count).map(|i| f64::from(i * 7919 % distinct)).collect();

@@ -69,3 +69,17 @@ pub fn centroid(points: &[Point]) -> Point {
     }
     sum.map(|x| x / points.len().max(1) as f64)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_cut_off_like_floor_from_zero_on() {
+        for x in [0.0, 0.4, 0.999_999_999_999_999_9, 1.0, 7.5, 4_294_967_295.9] {
+            assert_eq!(f64::from(cut_off(x)), f64::floor(x));
+        }
+        assert_eq!([-0.5, -3.0, f64::NEG_INFINITY, f64::NAN].map(cut_off), [0; 4]);
+        assert_eq!([1e10, f64::INFINITY].map(cut_off), [u32::MAX; 2]);
+    }
+}

@@ -39,3 +39,22 @@ impl Lanes {
         bits.trailing_zeros() as usize % LANES
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_least_lane_is_the_first_of_the_least_numbers() {
+        for first in 0..LANES {
+            for second in first..LANES {
+                let mut lanes = Lanes::all(f32::INFINITY);
+                (lanes.0[first], lanes.0[second]) = (-1.5, -1.5);
+                assert_eq!(lanes.find_least(), first);
+                lanes.0[second] = -2.0;
+                assert_eq!(lanes.find_least(), second);
+            }
+        }
+        assert_eq!(Lanes::all(0.0).find_least(), 0);
+    }
+}
