@@ -262,9 +262,8 @@ def _measure_by_height(views: Sequence[View], width: float) -> float:
     Noise makes these strips wider or narrower. Where area and height of the ropes contradict the half width,
     they give the radius.
     """
-    low, high = width * np.exp(-_SAME_RADIUS), width * np.exp(_SAME_RADIUS)
-    found = list(_measure_masks(views, lambda image: float(estimate_mask_radius(image, (low, high))[0][0])))
-    if not found or low < np.median(found) < high:
+    found = list(_measure_masks(views, lambda image: float(estimate_mask_radius(image)[0][0])))
+    if not found or abs(np.log(np.median(found) / width)) < _SAME_RADIUS:
         return width
     return _core.find_median(found)
 

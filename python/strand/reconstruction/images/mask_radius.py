@@ -25,13 +25,12 @@ _SAME = 0.1  # relative change of the radius: with less it has settled
 _OVER_WIDTHS = 1.12  # radius by area over the one by widths, about
 
 
-def estimate_mask_radius(image: DepthImage, near: tuple[float, float] | None = None) -> tuple[Array, Array]:
+def estimate_mask_radius(image: DepthImage) -> tuple[Array, Array]:
     """Return the radius of ropes in a mask and its standard deviation, (1,) metres each.
 
     The area of single strands in a mask over twice their length is their radius in the image. On a table,
     half of their height is another estimate, and the mean of both is returned. A mask that is wider than what
-    stands out of the table is slimmed to that before, unless the estimate lies between the two radii `near`,
-    metres, in any case.
+    stands out of the table is slimmed to that before.
 
     Raises
     ------
@@ -44,19 +43,12 @@ def estimate_mask_radius(image: DepthImage, near: tuple[float, float] | None = N
         by_height = 0.5 * _measure_height(image, np.vstack(chains), table) / _SEEN_HEIGHT
         least = max(by_height, _MIN_SHARE * radius)
         pixels = (radius - least) * image.camera.focal[0] / image.distance
-        # a slimmed mask shows a radius between these
-        low, high = (_average(by_area, by_height) for by_area in (least, radius))
-        if pixels > _MIN_WIDER and not (near and near[0] < low and high < near[1]):
+        if pixels > _MIN_WIDER:
             (slim,) = slim_fat_masks([image], table, None, _SEEN_HEIGHT * least)
             if slim is not image:
                 radius, _ = estimate_radius_by_area(slim)
-        radius = _average(radius, by_height)
+        radius = 0.5 * (radius + min(max(by_height, _MIN_SHARE * radius), _MAX_SHARE * radius))
     return np.array([radius]), np.array([_SD * radius])
-
-
-def _average(by_area: float, by_height: float) -> float:
-    """Return the mean of a radius by area and the nearest to one by height that is like it, metres."""
-    return 0.5 * (by_area + min(max(by_height, _MIN_SHARE * by_area), _MAX_SHARE * by_area))
 
 
 def estimate_radius_by_area(image: DepthImage) -> tuple[float, list[Array]]:
