@@ -238,6 +238,19 @@ fn compare_pairs(points: &[Point], compared: &[usize], radius: f64) -> usize {
     let moved = icp(&source, &target, Objective::PointToPoint, &options).unwrap();
     assert!(moved.transformation.to_rows().iter().flatten().all(|x| x.is_finite()));
     assert!((0.0..=1.0).contains(&moved.fitness) && moved.inlier_rmse <= radius * (1.0 + 1e-12));
+    // lists that were made at earlier poses have the nearest points at the last one
+    let there: Vec<Point> = source.iter().map(|&p| moved.transformation.apply(p)).collect();
+    let size = target.iter().chain(&there).flatten().fold(radius, |most, x| f64::max(most, x.abs()));
+    let apart: Vec<f64> = there.iter().map(|p| nearest(p).sqrt()).collect();
+    let count = |reach: f64| apart.iter().filter(|&&away| away <= reach).count() as f64;
+    let paired = moved.fitness * source.len() as f64;
+    let slack = 1e-14 * size + 1e-9 * radius;
+    assert!(count(radius - slack) - 0.5 < paired && paired < count(radius + slack) + 0.5, "{paired} pairs");
+    if count(radius - slack) == count(radius + slack) {
+        let squares = apart.iter().filter(|&&away| away <= radius).map(|away| away * away);
+        let mean = (squares.sum::<f64>() / paired.max(1.0)).sqrt();
+        assert!((moved.inlier_rmse - mean).abs() <= slack, "{} for {mean}", moved.inlier_rmse);
+    }
     source.len()
 }
 

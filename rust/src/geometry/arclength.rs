@@ -91,9 +91,9 @@ pub(crate) fn find_parameter(arc: &[f64], [first, last]: [f64; 2], s: f64) -> f6
 pub(crate) fn find_arc_length(arc: &[f64], [first, last]: [f64; 2], parameter: f64) -> f64 {
     let entries = (arc.len() - 1) as f64;
     let place = ((parameter - first) * (entries / (last - first))).clamp(0.0, entries);
-    let first = cut_off(place).min(arc.len() as u32 - 2);
-    let i = first as usize;
-    arc[i] + (place - f64::from(first)) * (arc[i + 1] - arc[i])
+    let entry = cut_off(place).min(arc.len() as u32 - 2);
+    let i = entry as usize;
+    arc[i] + (place - f64::from(entry)) * (arc[i + 1] - arc[i])
 }
 
 /// Returns the unit tangent at a place.

@@ -52,8 +52,8 @@ pub fn cell_of(p: Point, cell: f64) -> [i64; 3] {
 
 /// Returns a number without its fraction: 0 for less than 1 and for NaN, at most 2³² − 1.
 ///
-/// It finds cells, pixels and spans. On processors of every age, a cast to 32 bits and back takes a few instructions, one
-/// to 64 bits without a sign about three times as many, and `floor` a call.
+/// It finds cells, pixels and spans. On processors of every age, a cast to 32 bits and back takes a few instructions. One
+/// to 64 bits without a sign takes about three times as many, and `floor` is a call.
 #[inline(always)]
 pub fn cut_off(x: f64) -> u32 {
     x as u32

@@ -1,10 +1,10 @@
 //! Source points and their nearest target points, kept from pose to pose.
 //!
 //! A search at a place just ahead of a source point, its anchor, finds a short list of near target points, and a bound:
-//! all unlisted points are farther. The nearest is the point's partner. Until the source point has moved too far from
-//! its anchor, only the list is compared. A partner stays without that while the source point has not moved farther
-//! than the next listed point allows. Bounds and lists are in single precision; where it cannot tell two points apart,
-//! double precision decides.
+//! all unlisted points are farther. The listed point nearest to the source point is its partner. Until the source point
+//! has moved too far from its anchor, only the list is compared. A partner stays without that while the source point has
+//! not moved farther than the next listed point allows. Bounds and lists are in single precision; where it cannot tell
+//! two points apart, double precision decides.
 
 mod choice;
 mod lists;

@@ -20,7 +20,7 @@ impl Bounds {
     /// The box around the points of a batch.
     #[inline(always)]
     pub fn of([x, y, z]: &[[f64; BATCH]; 3]) -> Self {
-        let [x, y, z] = [extremes(x), extremes(y), extremes(z)];
+        let [x, y, z] = [find_extremes(x), find_extremes(y), find_extremes(z)];
         Self { low: [x.0, y.0, z.0], high: [x.1, y.1, z.1] }
     }
 
@@ -70,7 +70,7 @@ impl Bounds {
 
 /// Returns the least and the largest of some numbers.
 #[inline(always)]
-fn extremes(x: &[f64; BATCH]) -> (f64, f64) {
+fn find_extremes(x: &[f64; BATCH]) -> (f64, f64) {
     let (mut low, mut high) = (*x, *x);
     for half in [8, 4, 2, 1] {
         for l in 0..half {

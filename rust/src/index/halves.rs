@@ -7,7 +7,7 @@ use crate::simd::BATCH;
 
 const MIN_SHARED: usize = 2048; // fewer points are divided by one thread
 
-/// Orders finite points so that each [`BATCH`] of them are near each other; returns their indices.
+/// Orders at most 2³² finite points so that each [`BATCH`] of them are near each other; returns their indices.
 ///
 /// Boxes are halved across their longest side until a box holds one batch. All batches but the last are full.
 pub fn halve(points: &[Point]) -> Vec<u32> {
@@ -30,8 +30,8 @@ fn divide(points: &[Point], some: &mut [u64]) {
     let (low, inverse) = (bounds.low[longest], 1.0 / sides[longest].max(f64::MIN_POSITIVE));
     for word in some.iter_mut() {
         let index = *word as u32;
-        // the bits of floats that are not negative have their order; equals go by their index
-        let along = ((points[index as usize][longest] - low) * inverse) as f32;
+        // the bits of floats without a sign have their order, and −0 has a sign; equals go by their index
+        let along = ((points[index as usize][longest] - low) * inverse).abs() as f32;
         *word = u64::from(along.to_bits()) << 32 | u64::from(index);
     }
     let middle = (some.len() / 2).next_multiple_of(BATCH);
@@ -67,5 +67,13 @@ mod tests {
                 assert!(bounds.diagonal() < 9.0);
             }
         }
+    }
+
+    #[test]
+    fn both_zeros_are_the_same_place() {
+        let zero = |i: i32| if i % 2 == 0 { 0.0 } else { -0.0 };
+        let place = |i: i32| [if i < 50 { zero(i) } else { f64::from(i) }, 0.0, 0.0];
+        let points: Vec<Point> = (0..100).map(place).collect();
+        assert!(halve(&points)[..48].iter().all(|&i| i < 50));
     }
 }

@@ -6,7 +6,7 @@ use super::limits::POINTS_PER_PART;
 use crate::parallel::Slots;
 
 const MAX_DIGIT_BITS: u32 = 12; // bits of a digit of the sort at most
-const MAX_PARTS: usize = 64; // parts of the words at most: each has a counter for every digit
+const MAX_PARTS: usize = 64; // parts of the words at most: each has a counter for every value of a digit
 const MIN_RADIX_WORDS: usize = 2048; // fewer words are sorted in one go
 
 /// Sorts words by `bits` bits above the `shift` lowest; equal ones keep their order.

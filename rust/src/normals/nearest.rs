@@ -100,7 +100,7 @@ impl Search {
     /// Searches for the neighbours of the remaining points up to a reach; returns false if there are too many points.
     fn widen(&mut self, cells: &Cells, k: usize, reach: f64, covariances: &mut Covariances) -> bool {
         let Some(cuts) = sum_nearest(self, cells, k, reach) else { return false };
-        let Self { left, around, sums, .. } = self;
+        let Self { left, around, sums } = self;
         let mut kept = 0;
         for l in 0..left.len() {
             let position = left[l] as usize;
@@ -163,8 +163,8 @@ kernel! {
 /// Finds in each lane a number between the k-th and the next squared distance, a margin from one of them.
 ///
 /// Counts the distances below some number, which gives the answer if they are `k`, one more or one fewer. Otherwise
-/// uses false position, with halving where that is slow. Starts with the `farthest` and the counts `within` it. Returns
-/// a negative number where many points are as far as the k-th.
+/// uses false position, with halving where that is slow. Starts with the `farthest` and the counts `within` it. Where
+/// several points are as far as the k-th, it returns their distance; where it finds no number, a negative one.
 #[inline(always)]
 fn cut<S: Simd>(simd: S, sums: &Sums, k: f32, farthest: f32, within: &Singles, margin: f32) -> Singles {
     let [one_fewer, one_more, middle] = [k - 1.0, k + 1.0, k + 0.5].map(|count| simd.splat(count));
@@ -175,13 +175,13 @@ fn cut<S: Simd>(simd: S, sums: &Sums, k: f32, farthest: f32, within: &Singles, m
     let mut at = simd.mul(high, simd.min(simd.div(simd.splat(k), within), one));
     let mut found = simd.bits(simd.le(within, one_fewer));
     for round in 1..=MAX_ROUNDS {
-        let [count, last, first] = sums.count_below(simd, at);
+        let [count, largest, least] = sums.count_below(simd, at);
         let (fewer, more) = (simd.le(count, one_fewer), simd.le(one_more, count));
         (low, low_count) =
-            (simd.select(fewer, first, low), simd.select(fewer, simd.add(count, one), low_count));
-        (high, high_count) = (simd.select(more, last, high), simd.select(more, count, high_count));
-        let kth = simd.select(fewer, first, last);
-        let beside = simd.select(more, simd.sub(last, margin), simd.add(kth, margin));
+            (simd.select(fewer, least, low), simd.select(fewer, simd.add(count, one), low_count));
+        (high, high_count) = (simd.select(more, largest, high), simd.select(more, count, high_count));
+        let kth = simd.select(fewer, least, largest);
+        let beside = simd.select(more, simd.sub(largest, margin), simd.add(kth, margin));
         let share = simd.div(simd.sub(middle, low_count), simd.sub(high_count, low_count));
         let share = if round % 3 == 0 { half } else { share };
         let next = simd.add(low, simd.mul(simd.sub(high, low), share));

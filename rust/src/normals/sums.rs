@@ -63,30 +63,30 @@ impl Sums {
         simd.store(counts)
     }
 
-    /// Counts the squared distances within each lane's limit. Also finds the last of these, or zero, and the first that
-    /// is beyond, or infinity.
+    /// Counts the squared distances within each lane's limit. Also finds the largest of these, or zero, and the least
+    /// beyond the limit, or infinity.
     #[inline(always)]
     pub fn count_below<S: Simd>(&self, simd: S, limits: S::F) -> [S::F; 3] {
         let one = simd.splat(1.0);
         // several of each, so that none waits for another
         let mut counts = [simd.splat(0.0); ROWS];
-        let mut last = [simd.splat(0.0); ROWS];
-        let mut first = [simd.splat(f32::INFINITY); ROWS];
+        let mut largest = [simd.splat(0.0); ROWS];
+        let mut least = [simd.splat(f32::INFINITY); ROWS];
         for rows in self.squares[..self.count.next_multiple_of(ROWS)].as_chunks::<ROWS>().0 {
             for (r, squares) in rows.iter().enumerate() {
                 let squares = simd.load(&squares.0);
                 let within = simd.le(squares, limits);
                 counts[r] = simd.select(within, simd.add(counts[r], one), counts[r]);
-                last[r] = simd.select(within, simd.max(last[r], squares), last[r]);
-                first[r] = simd.select(within, first[r], simd.min(first[r], squares));
+                largest[r] = simd.select(within, simd.max(largest[r], squares), largest[r]);
+                least[r] = simd.select(within, least[r], simd.min(least[r], squares));
             }
         }
         for r in 1..ROWS {
             counts[0] = simd.add(counts[0], counts[r]);
-            last[0] = simd.max(last[0], last[r]);
-            first[0] = simd.min(first[0], first[r]);
+            largest[0] = simd.max(largest[0], largest[r]);
+            least[0] = simd.min(least[0], least[r]);
         }
-        [counts[0], last[0], first[0]]
+        [counts[0], largest[0], least[0]]
     }
 
     /// Adds the points around whose squared distances are within each lane's limit. Returns how many they are.

@@ -17,7 +17,7 @@ pub struct Near {
 impl Near {
     /// Returns the least squared distance from each lane to the points around.
     #[inline(always)]
-    pub fn nearest<S: Simd>(&self, simd: S, points: &[Singles; 3]) -> Singles {
+    pub fn find_nearest<S: Simd>(&self, simd: S, points: &[Singles; 3]) -> Singles {
         let lanes = [simd.load(&points[0]), simd.load(&points[1]), simd.load(&points[2])];
         let [x, y, z] = self.around.axes();
         let mut least = simd.splat(f32::MAX);

@@ -90,8 +90,9 @@ pub struct Pairing {
     pub source_points: usize,
     /// The middle of the source, in its frame.
     pub center: Point,
-    /// The last two poses.
+    /// The pose before the last.
     pub before: RigidMotion,
+    /// The last pose.
     pub pose: RigidMotion,
     pub reach: f64,
     /// Cells' widths in a metre.

@@ -10,7 +10,7 @@ use crate::index::bounds::Bounds;
 use crate::index::cells::Cells;
 use crate::simd::{BATCH, Simd};
 
-/// Listed points lie within this distance of a source point that lies on the target, cells.
+/// Listed points lie within this distance of an anchor that lies on the target, cells.
 const SPREAD: f64 = 0.35;
 const LEAD: f64 = 3.0; // steps, as the last one, by which lists are made ahead, at most
 const MAX_REACH: f64 = 2.0; // reach of the search, cells; the tree finds farther partners
@@ -45,7 +45,7 @@ pub fn search<S: Simd>(
     let mut left = (1u32 << batch.count) - 1;
     list.clear(simd, left);
     while left != 0 {
-        let places = only_left(&batch.anchors, left);
+        let places = take_left(&batch.anchors, left);
         let near = search_reach.min(MAX_REACH * cells.size());
         let found = buffers.around.find_few(simd, cells, &Bounds::of(&places), near, MAX_EXAMINED * MAX_MET);
         // in a wide batch, single precision cannot decide which points are within reach
@@ -68,7 +68,7 @@ pub fn search<S: Simd>(
         let mut limits = known.map(|known| low.min((known * unit).powi(2) as f32));
         let mut listed = left;
         if (0..BATCH).any(|l| left & (1 << l) != 0 && known[l] >= search_reach) {
-            let nearest = buffers.nearest(simd, &points);
+            let nearest = buffers.find_nearest(simd, &points);
             let spread = (spread * unit).powi(2) as f32;
             for l in 0..BATCH {
                 limits[l] = low.min(nearest[l] + spread);
@@ -89,6 +89,7 @@ pub fn search<S: Simd>(
             }
         }
         left &= !listed;
+        let mut put_back = false;
         let mut open = choose(simd, pairing, batch, list, moved, listed);
         while open != 0 {
             let l = open.trailing_zeros() as usize % BATCH;
@@ -101,19 +102,23 @@ pub fn search<S: Simd>(
                 known[l] = f64::INFINITY;
                 list.clear(simd, 1 << l);
                 left |= 1 << l;
+                put_back = true;
                 continue;
             }
             // too many points are as near as the nearest
             batch.partners[l] = f32::from_bits(exact(cells, &buffers.around, place(l), search_reach));
             batch.others[l] = -1.0;
         }
-        search_reach = (2.0 * search_reach).min(farthest);
+        // a lane that was put back has its nearest point within this reach; it is put back once
+        if !put_back {
+            search_reach = (2.0 * search_reach).min(farthest);
+        }
     }
 }
 
 /// Returns places, with those of lanes that are not left replaced by one that is.
 #[inline(always)]
-fn only_left(places: &[[f64; BATCH]; 3], left: u32) -> [[f64; BATCH]; 3] {
+fn take_left(places: &[[f64; BATCH]; 3], left: u32) -> [[f64; BATCH]; 3] {
     let mut kept = *places;
     for l in 0..BATCH {
         if left & (1 << l) == 0 {
@@ -134,7 +139,7 @@ fn lead(pairing: &Pairing, batch: &Batch, moved: &[[f64; BATCH]; 3], spread: f64
     let before = batch.moved_to(&pairing.before);
     let mut ahead = *moved;
     for l in 0..BATCH {
-        let length = |x: Point| (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]).sqrt();
+        let length = |x: Point| dot(x, x).sqrt();
         let [x, y, z] = [0, 1, 2].map(|k| batch.targets[k][l] - moved[k][l]);
         let step = [0, 1, 2].map(|k| moved[k][l] - before[k][l]);
         let apart = length([x, y, z]).min(pairing.reach);
