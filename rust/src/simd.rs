@@ -30,7 +30,7 @@ pub use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub use avx512::Avx512;
 pub use eight::Eight;
-pub use lanes::{BATCH, Doubles, LANES, Lanes, Singles};
+pub use lanes::{BATCH, Doubles, LANES, Lanes, Singles, find_least};
 use portable::Portable;
 pub use set::Simd;
 pub use three::Three;

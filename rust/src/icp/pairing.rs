@@ -101,12 +101,13 @@ kernel! {
             let all = (1u32 << batch.count) - 1;
             let left = all & !is_same(simd, pairing, batch, &moved);
             if left != 0 {
-                let open = choose(simd, pairing, batch, list, &moved, left);
-                if open != 0 {
+                let mut changed = left;
+                if choose(simd, pairing, batch, list, &moved, left) != 0 {
                     // it searches all lanes: the others would follow soon, and cost little more now
                     search(simd, pairing, batch, list, &moved, near);
+                    changed = all;
                 }
-                pairing.take_targets(batch, if open != 0 { all } else { left });
+                pairing.take_targets(batch, changed);
             }
             for half in 0..BATCH / LANES {
                 add_pairs(&mut sums, half, &moved, &batch.targets, origin, limit);

@@ -64,7 +64,18 @@ impl Bounds {
     }
 
     pub fn diagonal(&self) -> f64 {
-        (0..3).map(|k| (self.high[k] - self.low[k]).powi(2)).sum::<f64>().sqrt()
+        self.sides().map(|side| side.powi(2)).iter().sum::<f64>().sqrt()
+    }
+
+    #[inline(always)]
+    pub fn sides(&self) -> Point {
+        std::array::from_fn(|k| self.high[k] - self.low[k])
+    }
+
+    /// The axis of its longest side, the first among equals.
+    pub fn longest(&self) -> usize {
+        let sides = self.sides();
+        (1..3).fold(0, |longest, k| if sides[k] > sides[longest] { k } else { longest })
     }
 }
 

@@ -10,10 +10,10 @@ pub mod sweep;
 
 use rayon::prelude::*;
 
-use super::bounds::{Bounds, bounds};
+use super::bounds::bounds;
 use super::limits::{POINTS_PER_PART, SHORTEST, WIDE};
 use super::sort::sort_words;
-use crate::geometry::Point;
+use crate::geometry::{Point, cut_off};
 use crate::simd::BATCH;
 
 const AXIS_BITS: u32 = 19; // bits of a cell's coordinate along one axis at most; three coordinates make a key
@@ -64,9 +64,8 @@ impl Cells {
     }
 
     fn with_parts<const BITS: u32>(points: &[Point], size: f64) -> Self {
-        let Bounds { low, high } = bounds(points);
-        let sides: Point = std::array::from_fn(|k| high[k] - low[k]);
-        let longest = (0..3).fold(0, |longest, k| if sides[k] > sides[longest] { k } else { longest });
+        let whole = bounds(points);
+        let (low, sides, longest) = (whole.low, whole.sides(), whole.longest());
         let axes = [(longest + 1) % 3, (longest + 2) % 3, longest];
         let asked = size.max(SHORTEST);
         let size = asked.max(sides[longest] / f64::from(1u32 << (AXIS_BITS - 1)));
@@ -91,7 +90,7 @@ impl Cells {
             order: Vec::new(),
         };
         let key = |p: &Point| -> u64 {
-            let fine = axes.map(|k| u64::from(((p[k] - low[k]) * (inverse * f64::from(1 << BITS))) as u32));
+            let fine = axes.map(|k| u64::from(cut_off((p[k] - low[k]) * (inverse * f64::from(1 << BITS)))));
             let [a, b, c] = fine.map(|fine| fine >> BITS);
             let key = ((c >> BLOCK_BITS) << shifts[2]) | (a << shifts[0]) | (b << shifts[1]) | (c & IN_BLOCK);
             let [a, b, c] = fine.map(spread);

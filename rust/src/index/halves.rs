@@ -25,9 +25,8 @@ fn divide(points: &[Point], some: &mut [u64]) {
     for &word in some.iter() {
         bounds.add(points[word as u32 as usize]);
     }
-    let sides: Point = std::array::from_fn(|k| bounds.high[k] - bounds.low[k]);
-    let longest = (1..3).fold(0, |longest, k| if sides[k] > sides[longest] { k } else { longest });
-    let (low, inverse) = (bounds.low[longest], 1.0 / sides[longest].max(f64::MIN_POSITIVE));
+    let longest = bounds.longest();
+    let (low, inverse) = (bounds.low[longest], 1.0 / bounds.sides()[longest].max(f64::MIN_POSITIVE));
     for word in some.iter_mut() {
         let index = *word as u32;
         // the bits of floats without a sign have their order, and −0 has a sign; equals go by their index

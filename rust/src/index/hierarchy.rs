@@ -200,8 +200,7 @@ fn divide(points: &mut [(Point, u32)], first: u32, nodes: &mut Vec<Node>) {
     if points.len() <= LEAF_POINTS || low == high {
         return;
     }
-    let side = |k: usize| high[k] - low[k];
-    let longest = (1..3).fold(0, |longest, k| if side(k) > side(longest) { k } else { longest });
+    let longest = bounds.longest();
     let middle = points.len() / 2;
     // equals go by their index in the input, so that the order does not depend on the selection
     points.select_nth_unstable_by(middle, |a, b| a.0[longest].total_cmp(&b.0[longest]).then(a.1.cmp(&b.1)));

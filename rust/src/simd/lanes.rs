@@ -22,22 +22,23 @@ impl Lanes {
     pub const fn all(value: f32) -> Self {
         Self([value; LANES])
     }
+}
 
-    /// Returns the first lane with the least number; no number may be NaN.
-    #[inline(always)]
-    pub fn find_least(&self) -> usize {
-        let mut least = self.0;
-        for half in [4, 2, 1] {
-            for l in 0..half {
-                least[l] = if least[l + half] < least[l] { least[l + half] } else { least[l] };
-            }
+/// Returns the first lane with the least number, and that number; any lane if one is NaN.
+#[inline(always)]
+pub fn find_least<T: Copy + PartialOrd>(numbers: &[T; LANES]) -> (usize, T) {
+    let mut least = *numbers;
+    for half in [4, 2, 1] {
+        for l in 0..half {
+            least[l] = if least[l + half] < least[l] { least[l + half] } else { least[l] };
         }
-        let mut bits = 0u32;
-        for l in 0..LANES {
-            bits |= u32::from(self.0[l] == least[0]) << l;
-        }
-        bits.trailing_zeros() as usize % LANES
     }
+    let least = least[0];
+    let mut bits = 0u32;
+    for l in 0..LANES {
+        bits |= u32::from(numbers[l] == least) << l;
+    }
+    ((bits.trailing_zeros() as usize).min(LANES - 1), least)
 }
 
 #[cfg(test)]
@@ -50,11 +51,11 @@ mod tests {
             for second in first..LANES {
                 let mut lanes = Lanes::all(f32::INFINITY);
                 (lanes.0[first], lanes.0[second]) = (-1.5, -1.5);
-                assert_eq!(lanes.find_least(), first);
+                assert_eq!(find_least(&lanes.0), (first, -1.5));
                 lanes.0[second] = -2.0;
-                assert_eq!(lanes.find_least(), second);
+                assert_eq!(find_least(&lanes.0), (second, -2.0));
             }
         }
-        assert_eq!(Lanes::all(0.0).find_least(), 0);
+        assert_eq!(find_least(&[0.0; LANES]), (0, 0.0));
     }
 }

@@ -7,7 +7,7 @@ use super::stiffness::Stiffness;
 use crate::geometry::cut_off;
 use crate::images::silhouette::{Edge, Silhouette};
 use crate::images::surroundings::Shown;
-use crate::simd::{LANES, kernel};
+use crate::simd::{LANES, find_least, kernel};
 
 pub const STEP: f64 = 0.5; // distance between the nodes of a curve, image radii
 pub const TAIL: usize = 8; // nodes of a segment that are fitted together with a curve through its zone
@@ -178,18 +178,8 @@ kernel! {
                 squares[l] = (place[0] - x[l]).powi(2) + (place[1] - y[l]).powi(2);
             }
             squares[2 * NEAR + 1..].fill(f64::INFINITY);
-            let mut least = squares;
-            for half in [4, 2, 1] {
-                for l in 0..half {
-                    least[l] = if least[l + half] < least[l] { least[l + half] } else { least[l] };
-                }
-            }
-            let least = least[0];
-            let mut found = 0;
-            for l in 0..LANES {
-                found |= u32::from(squares[l] == least) << l;
-            }
-            (*number, *square) = (*number + (found.trailing_zeros() as usize).min(2 * NEAR) - NEAR, least);
+            let (lane, least) = find_least(&squares);
+            (*number, *square) = (*number + lane.min(2 * NEAR) - NEAR, least);
         }
     }
 }

@@ -114,7 +114,7 @@ impl Raster {
         for pair in p.windows(2) {
             let [a, b] = [pair[0], pair[1]].map(|p| [0, 1].map(|c| (p[c] - self.origin[c]) / self.step));
             for row in list_between(a[1].min(b[1]) - reach, a[1].max(b[1]) + reach, self.height) {
-                let (low, high) = cut_row(a, b, reach, f64::from(row as u32));
+                let (low, high) = cut_row(a, b, reach, row as f64);
                 let columns = list_between(low, high, self.width);
                 if columns.is_empty() {
                     continue;

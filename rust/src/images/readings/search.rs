@@ -152,7 +152,7 @@ fn find_uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(
     for x in chains.iter().flatten() {
         let (u, v) = (x[0] - left, x[1] - top);
         for row in list_between(v - reach, v + reach, height) {
-            let half = (reach * reach - (f64::from(row as u32) - v).powi(2)).max(0.0).sqrt();
+            let half = (reach * reach - (row as f64 - v).powi(2)).max(0.0).sqrt();
             bare.fill(row, list_between(u - half, u + half, width), false);
         }
     }

@@ -5,7 +5,7 @@ use rustc_hash::FxHashMap;
 use super::input::{OnCurve, Residual};
 use super::state::State;
 use crate::geometry::{Point, cell_of, dot, normalized, sub};
-use crate::simd::{Eight, LANES, Lanes, Simd, Three, kernel};
+use crate::simd::{Eight, LANES, Lanes, Simd, Three, find_least, kernel};
 
 const SAMPLING: f64 = 0.5; // distance between the samples of a curve, radii
 const REACH: f64 = 2.0; // largest distance of a point from an axis that it belongs to, radii
@@ -123,8 +123,8 @@ kernel! {
                 direction[k] = (to_camera[k] * scale) as f32;
             }
             let (costs, numbers) = find_cheapest(simd, search, blocks, x, direction);
-            let best = costs.find_least();
-            if costs.0[best] < f32::MAX {
+            let (best, least) = find_least(&costs.0);
+            if least < f32::MAX {
                 *found = Some(blocks[numbers.0[best] as usize].places[best]);
             }
         }
