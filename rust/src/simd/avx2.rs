@@ -187,11 +187,26 @@ impl Simd for Avx2 {
         fn splat_half(self, x: f64) -> [__m256d; 2] {
             [_mm256_set1_pd(x); 2]
         }
+        fn add_half(self, a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
+            [_mm256_add_pd(a[0], b[0]), _mm256_add_pd(a[1], b[1])]
+        }
         fn sub_half(self, a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
             [_mm256_sub_pd(a[0], b[0]), _mm256_sub_pd(a[1], b[1])]
         }
         fn mul_half(self, a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
             [_mm256_mul_pd(a[0], b[0]), _mm256_mul_pd(a[1], b[1])]
+        }
+        fn choose_half(
+            self,
+            a: [__m256d; 2],
+            b: [__m256d; 2],
+            yes: [__m256d; 2],
+            no: [__m256d; 2]
+        ) -> [__m256d; 2] {
+            [
+                _mm256_blendv_pd(no[0], yes[0], _mm256_cmp_pd::<_CMP_LT_OQ>(a[0], b[0])),
+                _mm256_blendv_pd(no[1], yes[1], _mm256_cmp_pd::<_CMP_LT_OQ>(a[1], b[1])),
+            ]
         }
         fn add_half_if(self, mask: __m256, a: [__m256d; 2], x: [__m256d; 2]) -> [__m256d; 2] {
             let mask = _mm256_castps_si256(mask);

@@ -158,11 +158,17 @@ impl Simd for Avx512 {
         fn splat_half(self, x: f64) -> __m512d {
             _mm512_set1_pd(x)
         }
+        fn add_half(self, a: __m512d, b: __m512d) -> __m512d {
+            _mm512_add_pd(a, b)
+        }
         fn sub_half(self, a: __m512d, b: __m512d) -> __m512d {
             _mm512_sub_pd(a, b)
         }
         fn mul_half(self, a: __m512d, b: __m512d) -> __m512d {
             _mm512_mul_pd(a, b)
+        }
+        fn choose_half(self, a: __m512d, b: __m512d, yes: __m512d, no: __m512d) -> __m512d {
+            _mm512_mask_blend_pd(_mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, b), no, yes)
         }
         fn add_half_if(self, mask: __mmask8, a: __m512d, x: __m512d) -> __m512d {
             _mm512_mask_add_pd(a, mask, a, x)

@@ -143,12 +143,20 @@ impl Simd for Portable {
         [x; LANES]
     }
     #[inline(always)]
+    fn add_half(self, a: Doubles, b: Doubles) -> Doubles {
+        std::array::from_fn(|l| a[l] + b[l])
+    }
+    #[inline(always)]
     fn sub_half(self, a: Doubles, b: Doubles) -> Doubles {
         std::array::from_fn(|l| a[l] - b[l])
     }
     #[inline(always)]
     fn mul_half(self, a: Doubles, b: Doubles) -> Doubles {
         std::array::from_fn(|l| a[l] * b[l])
+    }
+    #[inline(always)]
+    fn choose_half(self, a: Doubles, b: Doubles, yes: Doubles, no: Doubles) -> Doubles {
+        std::array::from_fn(|l| if a[l] < b[l] { yes[l] } else { no[l] })
     }
     #[inline(always)]
     fn add_half_if(self, mask: [bool; LANES], a: Doubles, x: Doubles) -> Doubles {

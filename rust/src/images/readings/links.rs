@@ -1,6 +1,6 @@
 //! Curves through zones, from port to port, fitted to the mask's edge.
 
-use super::lookup::Lookup;
+use super::lookup::{Block, Lookup};
 use super::network::{Network, Port};
 use super::planar::{Place, bending, distance, hermite, length, resampled, smoothed, unit};
 use super::stiffness::Stiffness;
@@ -72,8 +72,10 @@ impl Passage {
 
 /// Votes of a mask's edges for the axis: places a radius inside.
 pub struct Votes {
-    places: Vec<Place>,
-    lookup: Lookup,
+    pub places: Vec<Place>,
+    pub lookup: Lookup,
+    /// The edges' normals, sorted as the places in it.
+    pub normals: Vec<Block>,
 }
 
 impl Votes {
@@ -82,7 +84,8 @@ impl Votes {
         let vote = |e: &Edge| [e.at[0] - radius_px * e.normal[0], e.at[1] - radius_px * e.normal[1]];
         let places: Vec<Place> = silhouette.boundary.iter().map(vote).collect();
         let lookup = Lookup::new(&places, radius_px);
-        Self { places, lookup }
+        let normals = lookup.sort(|k| silhouette.boundary[k].normal);
+        Self { places, lookup, normals }
     }
 }
 

@@ -7,7 +7,10 @@ use crate::geometry::cut_off;
 use crate::simd::{LANES, kernel};
 
 const MAX_CELLS: f64 = 4096.0; // cells along a side at most; matters for ropes much thinner than a pixel
-const NOWHERE: u64 = u64::MAX; // the nearest node of a place without one
+const NOWHERE: f64 = -1.0; // the nearest node of a place without one
+
+/// Columns and rows of `LANES` sorted places or directions.
+pub type Block = [[f64; LANES]; 2];
 
 /// Places sorted into square cells.
 pub struct Lookup {
@@ -19,8 +22,8 @@ pub struct Lookup {
     starts: Vec<u32>,
     /// Numbers of the places, cell by cell.
     numbers: Vec<u32>,
-    /// Their columns and their rows, then `LANES` places at infinity.
-    places: [Vec<f64>; 2],
+    /// Their columns and their rows; places at infinity fill the last block.
+    blocks: Vec<Block>,
 }
 
 impl Lookup {
@@ -51,17 +54,17 @@ impl Lookup {
         }
         let mut next = starts.clone();
         let mut numbers = vec![0; nodes.len()];
-        let mut places = [0, 1].map(|_| vec![f64::INFINITY; nodes.len() + LANES]);
+        let mut blocks = vec![[[f64::INFINITY; LANES]; 2]; nodes.len().div_ceil(LANES)];
         for (i, x) in nodes.iter().enumerate() {
             let k = cell_of(x);
             let to = next[k] as usize;
             numbers[to] = i as u32;
             for c in 0..2 {
-                places[c][to] = x[c];
+                blocks[to / LANES][c][to % LANES] = x[c];
             }
             next[k] += 1;
         }
-        Self { low, inverse, width, height, starts, numbers, places }
+        Self { low, inverse, width, height, starts, numbers, blocks }
     }
 
     /// Returns the columns of cells (`c` 0) or the rows (`c` 1) within reach of a coordinate.
@@ -83,18 +86,25 @@ impl Lookup {
         })
     }
 
-    /// Calls with the number and the place of each place in the cells within reach of a place.
+    /// Calls with the number of each place in the cells within reach of a place.
     #[inline]
-    pub fn visit(&self, at: Place, reach: f64, mut call: impl FnMut(usize, Place)) {
+    pub fn visit(&self, at: Place, reach: f64, mut call: impl FnMut(usize)) {
         for run in self.runs(at, reach) {
-            for i in run {
-                call(self.numbers[i] as usize, [self.places[0][i], self.places[1][i]]);
+            for &i in &self.numbers[run] {
+                call(i as usize);
             }
         }
     }
 
     /// Returns the numbers of the places nearer to some nodes than a distance, ascending, each with its nearest node.
     pub fn near(&self, nodes: &[Place], within: f64) -> Vec<(usize, usize)> {
+        let mut found = self.find_nearest(nodes, within, None);
+        found.sort_unstable();
+        found
+    }
+
+    /// As [`Lookup::near`], in any order; a place has only nodes that run across its direction, if these are given.
+    pub fn find_nearest(&self, nodes: &[Place], within: f64, across: Option<&Across>) -> Vec<(usize, usize)> {
         // all of them lie in these rows of cells
         let (mut top, mut bottom) = (usize::MAX, 0);
         for node in nodes {
@@ -105,41 +115,79 @@ impl Lookup {
             return Vec::new();
         }
         let [first, last] = [top, bottom].map(|row| self.starts[row * self.width] as usize);
-        let mut squares = vec![within * within; last - first + LANES];
-        let mut nearest = vec![NOWHERE; last - first + LANES];
-        find_nearest_nodes(self, nodes, within, first, &mut squares, &mut nearest);
-        let found = (first..last).zip(nearest).filter(|&(_, node)| node != NOWHERE);
-        let mut found: Vec<(usize, usize)> =
-            found.map(|(i, node)| (self.numbers[i] as usize, node as usize)).collect();
-        found.sort_unstable();
-        found
+        let blocks = first / LANES..last.div_ceil(LANES);
+        let mut nearest =
+            vec![Nearest { squares: [within * within; LANES], nodes: [NOWHERE; LANES] }; blocks.len()];
+        lower_squares(self, nodes, within, across, blocks.start, &mut nearest);
+        let numbers = &self.numbers[blocks.start * LANES..];
+        let found = numbers.iter().zip(nearest.iter().flat_map(|block| &block.nodes));
+        found.filter(|&(_, &node)| node != NOWHERE).map(|(&i, &node)| (i as usize, node as usize)).collect()
+    }
+
+    /// Sorts directions as the places are.
+    pub fn sort(&self, direction: impl Fn(usize) -> Place) -> Vec<Block> {
+        let mut blocks = vec![[[0.0; LANES]; 2]; self.blocks.len()];
+        for (at, &i) in self.numbers.iter().enumerate() {
+            for (row, x) in blocks[at / LANES].iter_mut().zip(direction(i as usize)) {
+                row[at % LANES] = x;
+            }
+        }
+        blocks
     }
 }
 
+/// The directions of nodes and of places, which run across each other.
+pub struct Across<'a> {
+    /// Unit directions of the nodes.
+    pub nodes: &'a [Place],
+    /// Unit directions of the places, sorted as these are.
+    pub places: &'a [Block],
+    /// Cosine of the angle between both, at most.
+    pub most: f64,
+}
+
+/// The nearest nodes of a block's places.
+#[derive(Clone)]
+struct Nearest {
+    /// Squared distances from them.
+    squares: [f64; LANES],
+    /// Their numbers, `NOWHERE` for none.
+    nodes: [f64; LANES],
+}
+
 kernel! {
-    /// Lowers the squared distances of sorted places, from the `first` on, to those from nodes; sets the nearest nodes.
-    fn find_nearest_nodes<S>(
-        _,
+    /// Lowers squared distances of sorted places, from block `first` on, to those from nodes; sets their nearest nodes.
+    fn lower_squares<S>(
+        simd,
         lookup: &Lookup,
         nodes: &[Place],
         within: f64,
+        across: Option<&Across>,
         first: usize,
-        squares: &mut [f64],
-        nearest: &mut [u64]
+        nearest: &mut [Nearest],
     ) {
+        let far = simd.splat_half(f64::INFINITY);
         for (number, node) in nodes.iter().enumerate() {
-            for run in lookup.runs(*node, within) {
-                // places after the run are too far to matter
-                for start in run.step_by(LANES) {
-                    let [x, y] = [0, 1].map(|c| &lookup.places[c][start..start + LANES]);
-                    let squares = &mut squares[start - first..][..LANES];
-                    let nearest = &mut nearest[start - first..][..LANES];
-                    for l in 0..LANES {
-                        let square = (x[l] - node[0]).powi(2) + (y[l] - node[1]).powi(2);
-                        let nearer = square < squares[l];
-                        squares[l] = if nearer { square } else { squares[l] };
-                        nearest[l] = if nearer { number as u64 } else { nearest[l] };
+            let at = node.map(|x| simd.splat_half(x));
+            let own = simd.splat_half(number as f64);
+            for run in lookup.runs(*node, within).filter(|run| !run.is_empty()) {
+                // other places of the blocks are too far to matter
+                for b in run.start / LANES..run.end.div_ceil(LANES) {
+                    let away = [0, 1].map(|c| simd.sub_half(simd.load_half(&lookup.blocks[b][c]), at[c]));
+                    let [x, y] = away.map(|x| simd.mul_half(x, x));
+                    let mut square = simd.add_half(x, y);
+                    if let Some(Across { nodes, places, most }) = across {
+                        let along = [0, 1].map(|c| {
+                            simd.mul_half(simd.splat_half(nodes[number][c]), simd.load_half(&places[b][c]))
+                        });
+                        let along = simd.add_half(along[0], along[1]);
+                        square = simd.choose_half(along, simd.splat_half(*most), square, far);
+                        square = simd.choose_half(simd.splat_half(-most), along, square, far);
                     }
+                    let Nearest { squares, nodes } = &mut nearest[b - first];
+                    let before = simd.load_half(squares);
+                    *squares = simd.store_half(simd.choose_half(square, before, square, before));
+                    *nodes = simd.store_half(simd.choose_half(square, before, own, simd.load_half(nodes)));
                 }
             }
         }
@@ -156,18 +204,30 @@ mod tests {
         let places: Vec<Place> = (0..400).map(place).collect();
         let nodes: Vec<Place> =
             (0..30).map(|i| [f64::from(i) * 3.1 - 4.0, 20.0 + f64::from(i * i % 11)]).collect();
+        let turn = |i: usize, by: f64| [(i as f64 * by).sin(), (i as f64 * by).cos()];
+        let directions: Vec<Place> = (0..nodes.len()).map(|i| turn(i, 0.7)).collect();
         for (cell, within) in [(3.0, 9.0), (5.0, 2.0), (200.0, 9.0)] {
-            let found = Lookup::new(&places, cell).near(&nodes, within);
+            let lookup = Lookup::new(&places, cell);
+            let across = Across { nodes: &directions, places: &lookup.sort(|i| turn(i, 0.3)), most: 0.45 };
+            let found = lookup.near(&nodes, within);
             let square = |p: Place, q: Place| (p[0] - q[0]).powi(2) + (p[1] - q[1]).powi(2);
-            let expected: Vec<(usize, usize)> = (0..places.len())
-                .filter_map(|i| {
+            let search_all = |may: &dyn Fn(usize, usize) -> bool| -> Vec<(usize, usize)> {
+                let nearest = |i: usize| {
                     let each = nodes.iter().map(|&node| square(places[i], node)).enumerate();
-                    let (node, least) = each.min_by(|a, b| a.1.total_cmp(&b.1))?;
-                    (least < within * within).then_some((i, node))
-                })
-                .collect();
+                    let own = each.filter(|&(node, least)| least < within * within && may(i, node));
+                    own.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(node, _)| (i, node))
+                };
+                (0..places.len()).filter_map(nearest).collect()
+            };
+            let expected = search_all(&|_, _| true);
             assert!(!expected.is_empty() && expected.len() < places.len());
             assert_eq!(found, expected);
+            let mut found = lookup.find_nearest(&nodes, within, Some(&across));
+            found.sort_unstable();
+            let along = |a: Place, b: Place| (a[0] * b[0] + a[1] * b[1]).abs();
+            let fewer = search_all(&|i, node| along(turn(i, 0.3), directions[node]) < 0.45);
+            assert!(!fewer.is_empty() && fewer.len() < expected.len());
+            assert_eq!(found, fewer);
         }
         assert!(Lookup::new(&places, 3.0).near(&[[0.0, 500.0]], 9.0).is_empty());
         assert!(Lookup::new(&[], 3.0).near(&nodes, 9.0).is_empty());

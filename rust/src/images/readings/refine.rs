@@ -1,7 +1,9 @@
 //! Whole chains fitted together to the mask's edge, including pieces of edge that no chain explains yet.
 
-use super::links::{EDGE_SD, EDGE_SHARE, FIT_BENDING};
-use super::lookup::Lookup;
+use std::cell::OnceCell;
+
+use super::links::{EDGE_SD, EDGE_SHARE, FIT_BENDING, Votes};
+use super::lookup::{Across, Lookup};
 use super::planar::{Place, length, unit};
 use super::stiffness::{Equations, Stiffness};
 use crate::images::silhouette::Silhouette;
@@ -17,7 +19,7 @@ const DAMPING: f64 = 1e-2; // limits steps of nodes that nothing else holds
 const SLACK: f64 = 1e-6; // pixels by which a search reaches farther than a known node, against rounding
 
 /// Fits chains together to the mask.
-pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>> {
+pub fn refined(silhouette: &Silhouette, votes: &Votes, chains: &[Vec<Place>]) -> Vec<Vec<Place>> {
     let radius_px = silhouette.radius_px;
     let starts: Vec<usize> = chains
         .iter()
@@ -43,7 +45,6 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
     // the last nearest node of each edge, near which the next one is
     let mut last: Vec<Option<usize>> = vec![None; silhouette.boundary.len()];
     for reach in REACH {
-        let lookup = Lookup::new(&nodes, NEAR * radius_px);
         let tangents: Vec<Place> = (0..nodes.len())
             .map(|i| {
                 let (first, last) =
@@ -55,27 +56,35 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
         let mut systems: Vec<Equations> = (stiffness.iter().zip(chains).zip(&starts))
             .map(|((stiffness, c), &s)| stiffness.equations(&nodes[s..s + c.len()], c, radius_px))
             .collect();
-        for (edge, last) in silhouette.boundary.iter().zip(&mut last) {
-            let vote = [edge.at[0] - radius_px * edge.normal[0], edge.at[1] - radius_px * edge.normal[1]];
+        let mut nearest = vec![None; silhouette.boundary.len()];
+        let across = Across { nodes: &tangents, places: &votes.normals, most: MAX_ALONG };
+        for (edge, node) in votes.lookup.find_nearest(&nodes, NEAR * radius_px, Some(&across)) {
+            nearest[edge] = Some(node);
+        }
+        let lookup = OnceCell::new();
+        let edges = silhouette.boundary.iter().zip(&votes.places);
+        for (((edge, &vote), near), last) in edges.zip(nearest).zip(&mut last) {
             let away = |x: Place| [vote[0] - x[0], vote[1] - x[1]];
-            let squared = |d: Place| d[0] * d[0] + d[1] * d[1];
+            let squared = |i: usize| away(nodes[i])[0].powi(2) + away(nodes[i])[1].powi(2);
             let is_across = |i: usize| {
                 (tangents[i][0] * edge.normal[0] + tangents[i][1] * edge.normal[1]).abs() < MAX_ALONG
             };
-            let known = last.filter(|&i| is_across(i)).map(|i| squared(away(nodes[i])).sqrt() + SLACK);
-            let nearest = |within: f64| {
-                let (mut least, mut found) = (within * within, None);
-                lookup.visit(vote, within.min(known.unwrap_or(within)), |i, node| {
-                    let square = squared(away(node));
-                    if square < least && is_across(i) {
-                        (least, found) = (square, Some(i));
+            // most edges have a chain beside them
+            *last = near.or_else(|| {
+                if reach <= NEAR {
+                    return None;
+                }
+                let lookup = lookup.get_or_init(|| Lookup::new(&nodes, NEAR * radius_px));
+                let known = last.filter(|&i| is_across(i)).map(|i| squared(i).sqrt() + SLACK);
+                let within = reach * radius_px;
+                let (mut least, mut found) = (within.powi(2), None);
+                lookup.visit(vote, within.min(known.unwrap_or(within)), |i| {
+                    if squared(i) < least && is_across(i) {
+                        (least, found) = (squared(i), Some(i));
                     }
                 });
                 found
-            };
-            // most edges have a chain beside them
-            let near = nearest(NEAR * radius_px);
-            *last = if near.is_none() && reach > NEAR { nearest(reach * radius_px) } else { near };
+            });
             let Some(i) = last.filter(|&i| !is_end(i)) else { continue };
             let d = away(nodes[i]);
             let residual = (d[0] * edge.normal[0] + d[1] * edge.normal[1]) / radius_px;

@@ -111,7 +111,7 @@ pub fn find_readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize)
             courses.push(course);
         }
     }
-    let mut kept = parallel::map(&kept, |reading| settle(silhouette, reading));
+    let mut kept = parallel::map(&kept, |reading| settle(silhouette, &votes, reading));
     kept.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     kept
 }
@@ -127,7 +127,7 @@ fn price_beside(silhouette: &Silhouette, chains: &[Vec<Place>], uncovered: f64) 
 }
 
 /// Extends and refines the chains of a reading, and prices it again.
-fn settle(silhouette: &Silhouette, reading: &Reading) -> Reading {
+fn settle(silhouette: &Silhouette, votes: &Votes, reading: &Reading) -> Reading {
     let mut chains = reading.chains.clone();
     let (mut uncovered, mut bare) = find_uncovered(silhouette, &chains);
     for round in 0..2 {
@@ -135,7 +135,7 @@ fn settle(silhouette: &Silhouette, reading: &Reading) -> Reading {
         if round > 0 && led == chains {
             break;
         }
-        chains = refined(silhouette, &led);
+        chains = refined(silhouette, votes, &led);
         (uncovered, bare) = find_uncovered(silhouette, &chains);
     }
     Reading { cost: reading.fixed + price_beside(silhouette, &chains, uncovered), chains, ..*reading }
