@@ -327,6 +327,25 @@ fn step(own: &Row<u8>, before: &Row<u8>, state: &mut Row<u8>) {
     }
 }
 
+/// Smooths a row, given with the row shifted by each number of pixels to both sides, or with the rows beside it.
+#[inline(always)]
+fn smooth_row<'a>(
+    kernel: &[f32; HALO + 1],
+    beside: impl Fn(usize) -> [&'a [f32; WIDE]; 2],
+    to: &mut [f32; WIDE],
+) {
+    let [own, _] = beside(0);
+    for x in 0..WIDE {
+        to[x] = kernel[0] * own[x];
+    }
+    for (i, k) in kernel.iter().enumerate().skip(1) {
+        let [before, after] = beside(i);
+        for x in 0..WIDE {
+            to[x] += k * (before[x] + after[x]);
+        }
+    }
+}
+
 kernel! {
     /// Smooths a part of a patch of some columns and rows; its border is repeated.
     fn smooth<S>(
@@ -344,26 +363,13 @@ kernel! {
             padded[HALO..HALO + WIDE].copy_from_slice(from);
             padded[..HALO].fill(from[0]);
             padded[HALO + whole[0]..].fill(from[whole[0] - 1]);
-            for (x, value) in row.iter_mut().enumerate() {
-                let mut sum = kernel[0] * padded[x + HALO];
-                for (i, k) in kernel.iter().enumerate().skip(1) {
-                    sum += k * (padded[x + HALO - i] + padded[x + HALO + i]);
-                }
-                *value = sum;
-            }
+            let shifted = |by: usize| padded[by..].first_chunk().expect("a halo is on both sides");
+            smooth_row(kernel, |i| [shifted(HALO - i), shifted(HALO + i)], row);
         }
         for (n, to) in to.chunks_exact_mut(STRIDE).take(size[1]).enumerate() {
             let y = corner[1] + n;
-            let near: [(&[f32; WIDE], &[f32; WIDE]); HALO + 1] =
-                std::array::from_fn(|i| (&rows[y.saturating_sub(i)], &rows[(y + i).min(whole[1] - 1)]));
             let mut sums = [0.0f32; WIDE];
-            for (x, value) in sums.iter_mut().enumerate() {
-                let mut sum = kernel[0] * near[0].0[x];
-                for (k, (above, below)) in kernel.iter().zip(near).skip(1) {
-                    sum += k * (above[x] + below[x]);
-                }
-                *value = sum;
-            }
+            smooth_row(kernel, |i| [&rows[y.saturating_sub(i)], &rows[(y + i).min(whole[1] - 1)]], &mut sums);
             to[..size[0]].copy_from_slice(&sums[corner[0]..][..size[0]]);
         }
     }
