@@ -2,6 +2,7 @@
 
 pub mod arclength;
 pub mod averages;
+pub mod band;
 pub mod banded;
 pub mod boxes;
 pub mod bridge;

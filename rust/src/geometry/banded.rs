@@ -8,44 +8,42 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::simd::{LANES, kernel};
 
-/// Entries of a row up to its diagonal for nodes in space: three control points before it, and its own coordinates.
+/// Entries of a row up to its diagonal: three control points before it, and its own coordinates.
 pub const WIDTH: usize = 12;
-/// Entries of a row up to its diagonal for nodes in a plane: three nodes before it, and its own coordinates.
-pub const PLANAR: usize = 8;
 const ROWS_AT_ONCE: usize = 4; // rows that are factored together
 /// Border unknowns up to which factors are made row by row, and solve steps; more are solved by iterations.
 pub(super) const MAX_DIRECT: usize = 180;
 
 /// The lower half of a symmetric matrix [[A, C], [Cᵀ, D]]: A is banded with n rows, D is dense with m rows.
 #[derive(Debug, Clone)]
-pub struct Bordered<const W: usize = WIDTH> {
-    /// Row i of A holds columns i + 1 − W to i.
-    pub(super) band: Vec<[f64; W]>,
+pub struct Bordered {
+    /// Row i of A holds columns i + 1 − WIDTH to i.
+    pub(super) band: Vec<[f64; WIDTH]>,
     /// C, row by row.
     pub(super) border: Vec<f64>,
     pub(super) corner: DMatrix<f64>,
 }
 
 /// A factored [`Bordered`].
-pub struct Factor<const W: usize = WIDTH> {
+pub struct Factor {
     /// L of A = L Lᵀ, with the reciprocals of its diagonal.
-    band: Vec<[f64; W]>,
+    band: Vec<[f64; WIDTH]>,
     /// W = L⁻¹ C, row by row.
     border: Vec<f64>,
     /// Cholesky factor of the Schur complement D − Wᵀ W.
     corner: Cholesky<f64, Dyn>,
 }
 
-impl<const W: usize> Bordered<W> {
+impl Bordered {
     /// Makes a zero matrix with `n` banded and `m` bordering rows.
     pub fn zeros(n: usize, m: usize) -> Self {
-        Self { band: vec![[0.0; W]; n], border: vec![0.0; n * m], corner: DMatrix::zeros(m, m) }
+        Self { band: vec![[0.0; WIDTH]; n], border: vec![0.0; n * m], corner: DMatrix::zeros(m, m) }
     }
 
-    /// Adds to an entry of A, where `row` ≥ `column` > `row` − W.
+    /// Adds to an entry of A, where `row` ≥ `column` > `row` − WIDTH.
     #[inline]
     pub fn add_band(&mut self, row: usize, column: usize, value: f64) {
-        self.band[row][column + W - 1 - row] += value;
+        self.band[row][column + WIDTH - 1 - row] += value;
     }
 
     /// Adds to neighbouring entries of a row of C, starting at `column`.
@@ -64,7 +62,7 @@ impl<const W: usize> Bordered<W> {
     }
 
     /// Factors the matrix by Cholesky; returns None if it is not positive definite.
-    pub fn factor(mut self) -> Option<Factor<W>> {
+    pub fn factor(mut self) -> Option<Factor> {
         let m = self.corner.nrows();
         if m > MAX_DIRECT {
             if !eliminate(&mut self.band, &mut self.border, None) {
@@ -89,108 +87,84 @@ impl<const W: usize> Bordered<W> {
     }
 }
 
-/// Turns A into L and C into W, and adds the lower half of WᵀW to `product`, if asked; returns whether A is positive
-/// definite. Rows of `product` have room for whole registers, and their entries after the diagonal mean nothing.
-pub(super) fn eliminate<const W: usize>(
-    band: &mut [[f64; W]],
-    border: &mut [f64],
-    product: Option<&mut [f64]>,
-) -> bool {
-    // the kernels take flat slices because they have no width parameter
-    match W {
-        WIDTH => eliminate_wide(band.as_flattened_mut(), border, product),
-        PLANAR => eliminate_planar(band.as_flattened_mut(), border, product),
-        _ => eliminate_rows(band, border, product),
-    }
-}
-
 kernel! {
-    /// [`eliminate`] for rows of `WIDTH`.
-    fn eliminate_wide<S>(_, band: &mut [f64], border: &mut [f64], product: Option<&mut [f64]>) -> bool {
-        eliminate_rows::<WIDTH>(band.as_chunks_mut().0, border, product)
-    }
-}
-
-kernel! {
-    /// [`eliminate`] for rows of `PLANAR`.
-    fn eliminate_planar<S>(_, band: &mut [f64], border: &mut [f64], product: Option<&mut [f64]>) -> bool {
-        eliminate_rows::<PLANAR>(band.as_chunks_mut().0, border, product)
-    }
-}
-
-#[inline(always)]
-fn eliminate_rows<const W: usize>(
-    band: &mut [[f64; W]],
-    border: &mut [f64],
-    mut product: Option<&mut [f64]>,
-) -> bool {
-    let n = band.len();
-    let together = n / ROWS_AT_ONCE * ROWS_AT_ONCE;
-    for i in (0..together).step_by(ROWS_AT_ONCE) {
-        if !factor_rows::<ROWS_AT_ONCE, W>(band, i) {
-            return false;
-        }
-    }
-    for i in together..n {
-        if !factor_rows::<1, W>(band, i) {
-            return false;
-        }
-    }
-    let m = border.len() / n.max(1);
-    let mut padded = [0.0; MAX_DIRECT.next_multiple_of(LANES)];
-    for i in 0..if m > 0 { n } else { 0 } {
-        let (done, rest) = border.split_at_mut(i * m);
-        let edge = &mut rest[..m];
-        for k in i.saturating_sub(W - 1)..i {
-            let l = band[i][k + W - 1 - i];
-            for (x, above) in edge.iter_mut().zip(&done[k * m..(k + 1) * m]) {
-                *x -= l * above;
+    /// Turns A into L and C into W, and adds the lower half of WᵀW to `product`, if asked; returns whether A is positive
+    /// definite. Rows of `product` have room for whole registers, and their entries after the diagonal mean nothing.
+    pub(super) fn eliminate<S>(
+        _,
+        band: &mut [[f64; WIDTH]],
+        border: &mut [f64],
+        product: Option<&mut [f64]>,
+    ) -> bool {
+        let mut product = product;
+        let n = band.len();
+        let together = n / ROWS_AT_ONCE * ROWS_AT_ONCE;
+        for i in (0..together).step_by(ROWS_AT_ONCE) {
+            if !factor_rows::<ROWS_AT_ONCE>(band, i) {
+                return false;
             }
         }
-        for x in edge.iter_mut() {
-            *x *= band[i][W - 1];
+        for i in together..n {
+            if !factor_rows::<1>(band, i) {
+                return false;
+            }
         }
-        let Some(product) = product.as_deref_mut() else { continue };
-        padded[..m].copy_from_slice(edge);
-        let (eights, width) = (padded.as_chunks::<LANES>().0, m.next_multiple_of(LANES));
-        for (a, row) in product.chunks_exact_mut(width).enumerate() {
-            let x = padded[a];
-            let before = row[..(a + 1).next_multiple_of(LANES)].as_chunks_mut::<LANES>().0;
-            for (sums, y) in before.iter_mut().zip(eights) {
-                for l in 0..LANES {
-                    sums[l] += x * y[l];
+        let m = border.len() / n.max(1);
+        let mut padded = [0.0; MAX_DIRECT.next_multiple_of(LANES)];
+        for i in 0..if m > 0 { n } else { 0 } {
+            let (done, rest) = border.split_at_mut(i * m);
+            let edge = &mut rest[..m];
+            for k in i.saturating_sub(WIDTH - 1)..i {
+                let l = band[i][k + WIDTH - 1 - i];
+                for (x, above) in edge.iter_mut().zip(&done[k * m..(k + 1) * m]) {
+                    *x -= l * above;
+                }
+            }
+            for x in edge.iter_mut() {
+                *x *= band[i][WIDTH - 1];
+            }
+            let Some(product) = product.as_deref_mut() else { continue };
+            padded[..m].copy_from_slice(edge);
+            let (eights, width) = (padded.as_chunks::<LANES>().0, m.next_multiple_of(LANES));
+            for (a, row) in product.chunks_exact_mut(width).enumerate() {
+                let x = padded[a];
+                let before = row[..(a + 1).next_multiple_of(LANES)].as_chunks_mut::<LANES>().0;
+                for (sums, y) in before.iter_mut().zip(eights) {
+                    for l in 0..LANES {
+                        sums[l] += x * y[l];
+                    }
                 }
             }
         }
+        true
     }
-    true
 }
 
 /// Factors rows i to i + R, when those above are factored. Row by row, each would wait for its own last entry.
 #[inline(always)]
-fn factor_rows<const R: usize, const W: usize>(band: &mut [[f64; W]], i: usize) -> bool {
-    const { assert!(R <= W, "rows that are factored together lie within each other's band") };
+fn factor_rows<const R: usize>(band: &mut [[f64; WIDTH]], i: usize) -> bool {
+    const { assert!(R <= WIDTH, "rows that are factored together lie within each other's band") };
     let (above, rest) = band.split_at_mut(i);
     let rows = &mut rest[..R];
-    // by column: first the columns of the rows above, from i + 1 − W on, then the rows' own; zeros outside the band
-    let (mut old, mut own) = ([[0.0; R]; W], [[0.0; R]; R]);
+    // by column: first the columns of the rows above, from i + 1 − WIDTH on, then the rows' own; zeros outside the band
+    let (mut old, mut own) = ([[0.0; R]; WIDTH], [[0.0; R]; R]);
     for r in 0..R {
-        for c in r..W - 1 {
+        for c in r..WIDTH - 1 {
             old[c][r] = rows[r][c - r];
         }
         for c in 0..=r {
-            own[c][r] = rows[r][W - 1 + c - r];
+            own[c][r] = rows[r][WIDTH - 1 + c - r];
         }
     }
     let mut squares = [0.0; R];
-    let first = (W - 1).saturating_sub(i);
+    let first = (WIDTH - 1).saturating_sub(i);
     // the diagonal holds reciprocals of L's
-    let above = &above[i - (W - 1 - first)..];
-    for c in first..W - 1 {
-        let l = old[c].map(|x| x * above[c - first][W - 1]);
+    let above = &above[i - (WIDTH - 1 - first)..];
+    for c in first..WIDTH - 1 {
+        let l = old[c].map(|x| x * above[c - first][WIDTH - 1]);
         old[c] = l;
-        for d in c + 1..W - 1 {
-            let factor = above[d - first][W - 1 + c - d];
+        for d in c + 1..WIDTH - 1 {
+            let factor = above[d - first][WIDTH - 1 + c - d];
             for r in 0..R {
                 old[d][r] -= l[r] * factor;
             }
@@ -219,39 +193,39 @@ fn factor_rows<const R: usize, const W: usize>(band: &mut [[f64; W]], i: usize) 
         }
     }
     for r in 0..R {
-        for c in r..W - 1 {
+        for c in r..WIDTH - 1 {
             rows[r][c - r] = old[c][r];
         }
         for c in 0..=r {
-            rows[r][W - 1 + c - r] = own[c][r];
+            rows[r][WIDTH - 1 + c - r] = own[c][r];
         }
     }
     true
 }
 
 /// Solves L x = x in place, when the entries of x before `start` are zero.
-pub(super) fn forward<const W: usize>(band: &[[f64; W]], x: &mut [f64], start: usize) {
+pub(super) fn forward(band: &[[f64; WIDTH]], x: &mut [f64], start: usize) {
     for k in start..x.len() {
-        x[k] *= band[k][W - 1];
+        x[k] *= band[k][WIDTH - 1];
         let value = x[k];
-        for i in k + 1..x.len().min(k + W) {
-            x[i] -= band[i][k + W - 1 - i] * value;
+        for i in k + 1..x.len().min(k + WIDTH) {
+            x[i] -= band[i][k + WIDTH - 1 - i] * value;
         }
     }
 }
 
 /// Solves Lᵀ x = x in place.
-pub(super) fn backward<const W: usize>(band: &[[f64; W]], x: &mut [f64]) {
+pub(super) fn backward(band: &[[f64; WIDTH]], x: &mut [f64]) {
     for i in (0..x.len()).rev() {
-        x[i] *= band[i][W - 1];
+        x[i] *= band[i][WIDTH - 1];
         let value = x[i];
-        for k in i.saturating_sub(W - 1)..i {
-            x[k] -= band[i][k + W - 1 - i] * value;
+        for k in i.saturating_sub(WIDTH - 1)..i {
+            x[k] -= band[i][k + WIDTH - 1 - i] * value;
         }
     }
 }
 
-impl<const W: usize> Factor<W> {
+impl Factor {
     /// Solves for a right-hand side; returns the unknowns of the band and those of the border.
     pub fn solve(&self, band: &[f64], border: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (n, m) = (band.len(), border.len());
@@ -293,9 +267,9 @@ impl<const W: usize> Factor<W> {
     ///
     /// Takahashi's recurrence inverts A without any entry outside the band. The border adds (A⁻¹C) S⁻¹ (A⁻¹C)ᵀ, where S
     /// is the Schur complement.
-    pub fn inverse(&self) -> (Vec<[f64; W]>, DMatrix<f64>) {
+    pub fn inverse(&self) -> (Vec<[f64; WIDTH]>, DMatrix<f64>) {
         let m = self.corner.l_dirty().nrows();
-        let mut inverse = vec![[0.0; W]; self.band.len()];
+        let mut inverse = vec![[0.0; WIDTH]; self.band.len()];
         let mut rows = self.border.clone();
         invert(&self.band, &mut inverse, &mut rows);
         let lower = self.corner.l();
@@ -311,9 +285,9 @@ impl<const W: usize> Factor<W> {
             }
         }
         for (i, entries) in inverse.iter_mut().enumerate().filter(|_| m > 0) {
-            for j in i.saturating_sub(W - 1)..=i {
+            for j in i.saturating_sub(WIDTH - 1)..=i {
                 let (x, y) = (&rows[i * m..(i + 1) * m], &rows[j * m..(j + 1) * m]);
-                entries[j + W - 1 - i] += x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
+                entries[j + WIDTH - 1 - i] += x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
             }
         }
         (inverse, self.border_inverse())
@@ -321,24 +295,24 @@ impl<const W: usize> Factor<W> {
 }
 
 /// Computes the entries of (LLᵀ)⁻¹ inside the band, and replaces W by L⁻ᵀW.
-fn invert<const W: usize>(band: &[[f64; W]], inverse: &mut [[f64; W]], rows: &mut [f64]) {
+fn invert(band: &[[f64; WIDTH]], inverse: &mut [[f64; WIDTH]], rows: &mut [f64]) {
     let n = band.len();
     let m = rows.len() / n.max(1);
     for i in (0..n).rev() {
-        let scale = band[i][W - 1];
-        let end = n.min(i + W);
+        let scale = band[i][WIDTH - 1];
+        let end = n.min(i + WIDTH);
         for j in (i..end).rev() {
             let mut sum = if i == j { scale } else { 0.0 };
             for k in i + 1..end {
                 let (late, early) = (k.max(j), k.min(j));
-                sum -= band[k][i + W - 1 - k] * inverse[late][early + W - 1 - late];
+                sum -= band[k][i + WIDTH - 1 - k] * inverse[late][early + WIDTH - 1 - late];
             }
-            inverse[j][i + W - 1 - j] = sum * scale;
+            inverse[j][i + WIDTH - 1 - j] = sum * scale;
         }
         let (first, later) = rows.split_at_mut((i + 1) * m);
         let row = &mut first[i * m..];
         for k in i + 1..end {
-            let l = band[k][i + W - 1 - k];
+            let l = band[k][i + WIDTH - 1 - k];
             for (x, below) in row.iter_mut().zip(&later[(k - i - 1) * m..(k - i) * m]) {
                 *x -= l * below;
             }
@@ -357,13 +331,11 @@ mod tests {
     proptest! {
         #[test]
         fn a_solution_satisfies_the_dense_system(n in 1usize..60, m in 0usize..6, seed in 0u64..1000) {
-            solves_dense::<WIDTH>(n, m, seed)?;
-            solves_dense::<PLANAR>(n, m, seed)?;
-            solves_dense::<5>(n, m, seed)?;
+            solves_dense(n, m, seed)?;
         }
     }
 
-    fn solves_dense<const W: usize>(n: usize, m: usize, seed: u64) -> Result<(), TestCaseError> {
+    fn solves_dense(n: usize, m: usize, seed: u64) -> Result<(), TestCaseError> {
         let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) + 1;
         let mut random = || {
             state ^= state << 13;
@@ -371,7 +343,7 @@ mod tests {
             state ^= state << 17;
             (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
         };
-        let mut matrix = Bordered::<W>::zeros(n, m);
+        let mut matrix = Bordered::zeros(n, m);
         let mut dense = DMatrix::<f64>::zeros(n + m, n + m);
         for i in 0..n + m {
             for j in 0..=i {
@@ -383,7 +355,7 @@ mod tests {
                     matrix.add_corner(i - n, j - n, value);
                 } else if i >= n {
                     matrix.add_border(j, i - n, &[value]);
-                } else if i - j < W {
+                } else if i - j < WIDTH {
                     matrix.add_band(i, j, value);
                 } else {
                     continue;
@@ -400,8 +372,8 @@ mod tests {
         let inverse = dense.try_inverse().unwrap();
         let (band, corner) = factor.inverse();
         for i in 0..n {
-            for j in i.saturating_sub(W - 1)..=i {
-                prop_assert!((band[i][j + W - 1 - i] - inverse[(i, j)]).abs() < 1e-12);
+            for j in i.saturating_sub(WIDTH - 1)..=i {
+                prop_assert!((band[i][j + WIDTH - 1 - i] - inverse[(i, j)]).abs() < 1e-12);
             }
         }
         prop_assert!((corner - inverse.view((n, n), (m, m))).amax() < 1e-12 || m == 0);
@@ -410,7 +382,7 @@ mod tests {
 
     #[test]
     fn a_matrix_that_is_not_positive_definite_has_no_factor() {
-        let mut matrix = Bordered::<WIDTH>::zeros(3, 0);
+        let mut matrix = Bordered::zeros(3, 0);
         for i in 0..3 {
             matrix.add_band(i, i, if i == 1 { -1.0 } else { 1.0 });
         }

@@ -5,20 +5,20 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use super::banded::{Bordered, Factor, MAX_DIRECT, backward, eliminate, forward};
+use super::banded::{Bordered, Factor, MAX_DIRECT, WIDTH, backward, eliminate, forward};
 
 const TOLERANCE: f64 = 1e-8; // least residual, share of the first
 const MAX_ITERATIONS: usize = 300; // iterations of a solution at most; it takes tens
 
 /// A matrix that can be solved for right-hand sides.
-pub enum Solver<const W: usize> {
-    Direct(Factor<W>),
-    Iterative(Schur<W>),
+pub enum Solver {
+    Direct(Factor),
+    Iterative(Schur),
 }
 
 /// A matrix whose band is eliminated and whose border is not.
-pub struct Schur<const W: usize> {
-    band: Vec<[f64; W]>,
+pub struct Schur {
+    band: Vec<[f64; WIDTH]>,
     /// (m, n), W.
     rows: DMatrix<f64>,
     corner: DMatrix<f64>,
@@ -26,10 +26,10 @@ pub struct Schur<const W: usize> {
     blocks: Vec<(usize, Cholesky<f64, Dyn>)>,
 }
 
-impl<const W: usize> Solver<W> {
+impl Solver {
     /// Prepares a matrix; None if it is not positive definite. `blocks` holds the first border unknown of each group
     /// that is coupled most closely, such as the unknowns of a pose.
-    pub fn new(matrix: Bordered<W>, blocks: &[usize]) -> Option<Self> {
+    pub fn new(matrix: Bordered, blocks: &[usize]) -> Option<Self> {
         if matrix.corner.nrows() <= MAX_DIRECT {
             return Some(Self::Direct(matrix.factor()?));
         }
@@ -53,9 +53,9 @@ impl<const W: usize> Solver<W> {
     }
 }
 
-impl<const W: usize> Schur<W> {
+impl Schur {
     /// Eliminates the band; None if the matrix is not positive definite.
-    fn new(matrix: Bordered<W>, blocks: &[usize]) -> Option<Self> {
+    fn new(matrix: Bordered, blocks: &[usize]) -> Option<Self> {
         let Bordered { mut band, mut border, mut corner } = matrix;
         let m = corner.nrows();
         if !eliminate(&mut band, &mut border, None) {
@@ -127,14 +127,13 @@ impl<const W: usize> Schur<W> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::banded::WIDTH;
     use super::*;
 
     #[test]
     fn iterations_find_what_factors_find() {
         let (n, views) = (60, 40);
         let m = 6 * views;
-        let mut matrix = Bordered::<WIDTH>::zeros(n, m);
+        let mut matrix = Bordered::zeros(n, m);
         let wave = |a: usize, b: usize| ((a * 31 + b * 17) as f64 * 0.37).sin();
         // each row is a residual of a few unknowns of the band and of one view, as in fits
         for row in 0..20 * views {

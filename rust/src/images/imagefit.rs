@@ -7,7 +7,6 @@
 //! - [`fit`] moves splines, poses and a depth bias for each view until the tubes fill the masks. It also measures what
 //!   the fit leaves unexplained.
 
-mod band;
 mod camera;
 mod cost;
 mod crossings;

@@ -73,7 +73,7 @@ pub trait Simd: Copy {
     fn add_half(self, a: Self::D, b: Self::D) -> Self::D;
     fn sub_half(self, a: Self::D, b: Self::D) -> Self::D;
     fn mul_half(self, a: Self::D, b: Self::D) -> Self::D;
-    /// Takes the first number where a < b, else the second.
+    /// Takes `yes` where a < b, else `no`.
     fn choose_half(self, a: Self::D, b: Self::D, yes: Self::D, no: Self::D) -> Self::D;
     /// Adds x in the lanes of the mask.
     fn add_half_if(self, mask: Self::H, a: Self::D, x: Self::D) -> Self::D;

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use super::band::Band;
 use super::places::{OnChain, STEP};
+use crate::geometry::band::Band;
 use crate::geometry::banded::Bordered;
 use crate::geometry::polyline::{arc_length, resampled, smoothed};
 use crate::geometry::spline::Spline;
@@ -82,7 +82,7 @@ impl Curves {
             for span in 0..spans {
                 normal.add_square(span, &THIRD, 1e-4);
             }
-            normal.factored(&vec![1e-9; spans + 3]).solve(&mut right);
+            normal.factored(|_| 1e-9).solve(&mut right);
             made.control.extend(right);
             made.chains.push(from..made.samples.len());
             made.numbers.resize(made.samples.len(), number as u32);

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::band::Band;
 use super::places::STEP;
+use crate::geometry::band::Band;
 
 /// Cost of bending along the viewing rays, for each ∫ z″² ds in radii, relative to depths of unit noise.
 const STIFFNESS: f64 = 40.0;
@@ -107,7 +107,7 @@ impl Profile {
                     right[i][0] += BELOW * STEP * self.ceilings[i];
                 }
             }
-            let factor = self.stiffness.factored(&diagonal);
+            let factor = self.stiffness.factored(|i| diagonal[i]);
             factor.solve(&mut right);
             let active: Vec<&Gap> = gaps.iter().filter(|gap| begun && gap.of(|i| x[i]) < gap.need).collect();
             x = right.iter().map(|row| row[0]).collect();

@@ -1,14 +1,17 @@
 //! The part of a curve's normal equations that its steps do not change: bending, and nodes that are held.
 
 use super::planar::Place;
-use crate::geometry::banded::{Bordered, PLANAR};
+use crate::geometry::band::Band;
+
+/// Entries of a row up to its diagonal: three nodes before it, and its own coordinates.
+const WIDTH: usize = 8;
 
 /// Lower rows of the matrix of bending and its change: entries for each node and the three before it.
 type Rows = Vec<[f64; 4]>;
 
 /// The forces between the nodes of a curve in the image and on those that are held, lengths in image radii.
 pub struct Stiffness {
-    matrix: Bordered<PLANAR>,
+    matrix: Band<WIDTH>,
     rows: Rows,
     /// The weight that holds each node where it started.
     holds: Vec<f64>,
@@ -19,13 +22,13 @@ impl Stiffness {
     pub fn new(h: f64, weights: [f64; 2], holds: Vec<f64>, damping: f64) -> Self {
         let n = holds.len();
         let rows = make_rows(n, h, weights);
-        let mut matrix = Bordered::zeros(2 * n, 0);
+        let mut matrix = Band::zeros(2 * n);
         for i in 0..n {
             for c in 0..2 {
                 for (back, &weight) in rows[i].iter().enumerate().take(i + 1) {
-                    matrix.add_band(2 * i + c, 2 * (i - back) + c, weight);
+                    matrix.add(2 * i + c, 2 * (i - back) + c, weight);
                 }
-                matrix.add_band(2 * i + c, 2 * i + c, holds[i] + damping);
+                matrix.add(2 * i + c, 2 * i + c, holds[i] + damping);
             }
         }
         Self { matrix, rows, holds }
@@ -59,7 +62,7 @@ impl Stiffness {
 
 /// Normal equations of a step of a curve's nodes, image radii.
 pub struct Equations {
-    matrix: Bordered<PLANAR>,
+    matrix: Band<WIDTH>,
     right: Vec<Place>,
 }
 
@@ -67,9 +70,9 @@ impl Equations {
     /// Adds a residual of a node along a direction.
     #[inline]
     pub fn add(&mut self, node: usize, along: Place, residual: f64, weight: f64) {
-        self.matrix.add_band(2 * node, 2 * node, weight * along[0] * along[0]);
-        self.matrix.add_band(2 * node + 1, 2 * node + 1, weight * along[1] * along[1]);
-        self.matrix.add_band(2 * node + 1, 2 * node, weight * along[0] * along[1]);
+        self.matrix.add(2 * node, 2 * node, weight * along[0] * along[0]);
+        self.matrix.add(2 * node + 1, 2 * node + 1, weight * along[1] * along[1]);
+        self.matrix.add(2 * node + 1, 2 * node, weight * along[0] * along[1]);
         for c in 0..2 {
             self.right[node][c] -= weight * along[c] * residual;
         }
@@ -77,9 +80,14 @@ impl Equations {
 
     /// Returns the step of each node, and the largest change of a coordinate; None without a solution.
     pub fn solve(self) -> Option<(Vec<Place>, f64)> {
-        let (step, _) = self.matrix.factor()?.solve(self.right.as_flattened(), &[]);
-        let most = step.iter().fold(0.0f64, |most, s| most.max(s.abs()));
-        Some((step.as_chunks().0.to_vec(), most))
+        let factored = self.matrix.factored(|_| 0.0);
+        if !factored.is_positive() {
+            return None;
+        }
+        let mut step = self.right;
+        factored.solve::<1>(step.as_flattened_mut().as_chunks_mut().0);
+        let most = step.as_flattened().iter().fold(0.0f64, |most, s| most.max(s.abs()));
+        Some((step, most))
     }
 }
 
