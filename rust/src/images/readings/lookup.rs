@@ -98,13 +98,31 @@ impl Lookup {
 
     /// Returns the numbers of the places nearer to some nodes than a distance, ascending, each with its nearest node.
     pub fn near(&self, nodes: &[Place], within: f64) -> Vec<(usize, usize)> {
-        let mut found = self.find_nearest(nodes, within, None);
-        found.sort_unstable();
+        let (numbers, nearest) = self.search(nodes, within, None);
+        let Some(&first) = numbers.iter().min() else { return Vec::new() };
+        let last = numbers.iter().max().unwrap_or(&first);
+        // places near each other have near numbers: a list of all between them takes less time than sorting
+        let mut found = vec![None; (last - first) as usize + 1];
+        for (i, node) in list_found(numbers, &nearest) {
+            found[(i - first) as usize] = Some(node);
+        }
+        (first..).zip(found).filter_map(|(i, node)| Some((i as usize, node?))).collect()
+    }
+
+    /// Returns the nearest node of each place that is nearer than a distance; only of those that run across the place's
+    /// direction.
+    pub fn find_across(&self, nodes: &[Place], within: f64, across: &Across) -> Vec<Option<usize>> {
+        let mut found = vec![None; self.numbers.len()];
+        let (numbers, nearest) = self.search(nodes, within, Some(across));
+        for (i, node) in list_found(numbers, &nearest) {
+            found[i as usize] = Some(node);
+        }
         found
     }
 
-    /// As [`Lookup::near`], in any order; a place has only nodes that run across its direction, if these are given.
-    pub fn find_nearest(&self, nodes: &[Place], within: f64, across: Option<&Across>) -> Vec<(usize, usize)> {
+    /// Returns the numbers of all places that may be nearer to some nodes than a distance, block by block, and the
+    /// blocks' nearest nodes.
+    fn search(&self, nodes: &[Place], within: f64, across: Option<&Across>) -> (&[u32], Vec<Nearest>) {
         // all of them lie in these rows of cells
         let (mut top, mut bottom) = (usize::MAX, 0);
         for node in nodes {
@@ -112,16 +130,15 @@ impl Lookup {
             (top, bottom) = (top.min(rows.start), bottom.max(rows.end));
         }
         if top >= bottom {
-            return Vec::new();
+            return (&[], Vec::new());
         }
         let [first, last] = [top, bottom].map(|row| self.starts[row * self.width] as usize);
         let blocks = first / LANES..last.div_ceil(LANES);
         let mut nearest =
             vec![Nearest { squares: [within * within; LANES], nodes: [NOWHERE; LANES] }; blocks.len()];
         lower_squares(self, nodes, within, across, blocks.start, &mut nearest);
-        let numbers = &self.numbers[blocks.start * LANES..];
-        let found = numbers.iter().zip(nearest.iter().flat_map(|block| &block.nodes));
-        found.filter(|&(_, &node)| node != NOWHERE).map(|(&i, &node)| (i as usize, node as usize)).collect()
+        let end = self.numbers.len().min(blocks.end * LANES);
+        (&self.numbers[blocks.start * LANES..end], nearest)
     }
 
     /// Sorts directions as the places are.
@@ -153,6 +170,12 @@ struct Nearest {
     squares: [f64; LANES],
     /// Their numbers, `NOWHERE` for none.
     nodes: [f64; LANES],
+}
+
+/// Lists the places of blocks that have a nearest node, and these nodes.
+fn list_found(numbers: &[u32], nearest: &[Nearest]) -> impl Iterator<Item = (u32, usize)> {
+    let nodes = nearest.iter().flat_map(|block| block.nodes);
+    numbers.iter().zip(nodes).filter_map(|(&i, node)| (node != NOWHERE).then_some((i, node as usize)))
 }
 
 kernel! {
@@ -222,8 +245,8 @@ mod tests {
             let expected = search_all(&|_, _| true);
             assert!(!expected.is_empty() && expected.len() < places.len());
             assert_eq!(found, expected);
-            let mut found = lookup.find_nearest(&nodes, within, Some(&across));
-            found.sort_unstable();
+            let found = lookup.find_across(&nodes, within, &across);
+            let found: Vec<(usize, usize)> = (0..places.len()).filter_map(|i| Some((i, found[i]?))).collect();
             let along = |a: Place, b: Place| (a[0] * b[0] + a[1] * b[1]).abs();
             let fewer = search_all(&|i, node| along(turn(i, 0.3), directions[node]) < 0.45);
             assert!(!fewer.is_empty() && fewer.len() < expected.len());

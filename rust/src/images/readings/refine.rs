@@ -56,11 +56,8 @@ pub fn refined(silhouette: &Silhouette, votes: &Votes, chains: &[Vec<Place>]) ->
         let mut systems: Vec<Equations> = (stiffness.iter().zip(chains).zip(&starts))
             .map(|((stiffness, c), &s)| stiffness.equations(&nodes[s..s + c.len()], c, radius_px))
             .collect();
-        let mut nearest = vec![None; silhouette.boundary.len()];
         let across = Across { nodes: &tangents, places: &votes.normals, most: MAX_ALONG };
-        for (edge, node) in votes.lookup.find_nearest(&nodes, NEAR * radius_px, Some(&across)) {
-            nearest[edge] = Some(node);
-        }
+        let nearest = votes.lookup.find_across(&nodes, NEAR * radius_px, &across);
         let lookup = OnceCell::new();
         let edges = silhouette.boundary.iter().zip(&votes.places);
         for (((edge, &vote), near), last) in edges.zip(nearest).zip(&mut last) {
