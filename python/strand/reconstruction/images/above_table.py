@@ -29,6 +29,8 @@ _LOW = 0.5  # radii: lower points lie on the table
 _MIN_TABLE_SHARE = 0.3  # of a view's points lie on the table if it shows more than ropes
 _AROUND = 4.0  # radii around the ropes that masks show: other views' ropes are sought there
 
+Heights = tuple[Array, NDArray[np.bool_], float]  # heights of pixels, as `measure_heights` returns them
+
 
 def drop_unclear_views(observed: Observed) -> Observed:
     """Drop views without a mask in which errors hide the ropes, if others have masks.
@@ -127,21 +129,20 @@ def segment_above_table(
     image: DepthImage, table: Plane, bounds: Box | None, radius: float
 ) -> NDArray[np.bool_]:
     """(H, W) Return the pixels in bounds whose smoothed height is that of a rope of a radius, metres."""
-    return select_standing(*measure_heights(image, table, bounds, radius), radius)
+    return select_standing(measure_heights(image, table, bounds, radius), radius)
 
 
-def select_standing(above: Array, seen: NDArray[np.bool_], pixels: float, radius: float) -> NDArray[np.bool_]:
-    """(H, W) Return the same, given what `measure_heights` returns."""
+def select_standing(heights: Heights, radius: float) -> NDArray[np.bool_]:
+    """(H, W) Return the same, given the heights."""
+    above, seen, pixels = heights
     if pixels == 0.0 or pixels > _MAX_RADIUS * max(above.shape):
         return np.zeros(above.shape, dtype=bool)
     kernel = make_gaussian_kernel(max(_SMOOTHING * pixels, _MIN_SMOOTHING))
-    heights = (MIN_HEIGHT * radius, MAX_HEIGHT * radius)
-    return _core.find_standing(above, seen, heights, kernel, _EDGE_HEIGHT * radius, _MIN_SEEN)
+    limits = (MIN_HEIGHT * radius, MAX_HEIGHT * radius)
+    return _core.find_standing(above, seen, limits, kernel, _EDGE_HEIGHT * radius, _MIN_SEEN)
 
 
-def measure_heights(
-    image: DepthImage, table: Plane, bounds: Box | None, radius: float
-) -> tuple[Array, NDArray[np.bool_], float]:
+def measure_heights(image: DepthImage, table: Plane, bounds: Box | None, radius: float) -> Heights:
     """Return how far above a table each pixel shows something.
 
     Parameters

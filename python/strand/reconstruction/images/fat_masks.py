@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.geometry.plane import Plane
-from strand.reconstruction.images.above_table import segment_above_table
+from strand.reconstruction.images.above_table import Heights, measure_heights, select_standing
 from strand.reconstruction.images.outlines import (
     MAX_FINE,
     ROUNDNESS,
     STEPS_BY_MASK,
     WEIGHT_BY_MASK,
-    measure_height_noise,
+    estimate_height_noise,
     outline_ropes,
 )
 from strand.support.checks import Array
@@ -66,9 +66,10 @@ def _slim_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
         return image
     window = image.frame_mask(_MARGIN + int(_AROUND * pixels))
     part = image.cropped(window)
-    if measure_height_noise(part, table, bounds, radius) < MAX_FINE * radius:
-        return _cut_fine_mask(image, window, table, bounds, radius, shown)
-    own = part.mask & segment_above_table(part, table, bounds, radius)
+    heights = measure_heights(part, table, bounds, radius)
+    if estimate_height_noise(part, heights, radius) < MAX_FINE * radius:
+        return _cut_fine_mask(image, window, heights, table, radius, shown)
+    own = part.mask & select_standing(heights, radius)
     slimmed = _mark(image, window, own)
     slim = slimmed.mask_radius
     if slim is None or slim < _MIN_SHARE * pixels:
@@ -92,8 +93,8 @@ def _mark(image: DepthImage, window: tuple[slice, slice], own: NDArray[np.bool_]
 def _cut_fine_mask(
     image: DepthImage,
     window: tuple[slice, slice],
+    heights: Heights,
     table: Plane,
-    bounds: Box | None,
     radius: float,
     shown: float,
 ) -> DepthImage:
@@ -102,7 +103,7 @@ def _cut_fine_mask(
     mask = part.mask
     pixels = radius * image.camera.focal[0] / image.distance
     (outlined,) = outline_ropes(
-        part, table, bounds, radius, ROUNDNESS * radius, [WEIGHT_BY_MASK], steps=STEPS_BY_MASK
+        part, heights, table, radius, ROUNDNESS * radius, [WEIGHT_BY_MASK], steps=STEPS_BY_MASK
     )
     own = mask & outlined.mask
     if shown > MAX_SHARE * pixels or np.array_equal(own, mask):

@@ -50,8 +50,9 @@ def _mend_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
     window = image.frame_mask(_MARGIN + int(_AROUND * pixels))
     part = image.cropped(window)
     mask = part.mask
-    heights, seen, shown = measure_heights(part, table, bounds, radius)
-    stands = select_standing(heights, seen, shown, radius)
+    heights = measure_heights(part, table, bounds, radius)
+    above, seen, _ = heights
+    stands = select_standing(heights, radius)
     if part.occluders is not None:
         stands = stands & ~part.occluders
     rim = max(_MIN_RIM, _RIM * pixels)
@@ -66,7 +67,7 @@ def _mend_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
             continue
         away = _measure_distances(piece, rim + _TOUCH)
         touched = mask[box] & (away <= rim + _TOUCH)
-        in_radii = np.where(seen[box], heights[box] / radius, np.nan)
+        in_radii = np.where(seen[box], above[box] / radius, np.nan)
         if _joins_an_end(mask, touched, np.array(corner), pixels) and _is_level(in_radii, piece, touched):
             added[box] |= stands[box] & (away <= rim)
     if not (added & ~mask).any():

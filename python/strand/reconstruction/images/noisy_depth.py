@@ -15,7 +15,7 @@ from strand._core import NotEnoughDataError, RopeImages
 from strand.config import Config
 from strand.geometry.plane import Plane
 from strand.geometry.polyline import path_length
-from strand.reconstruction.images.above_table import mask_above_table
+from strand.reconstruction.images.above_table import mask_above_table, measure_heights
 from strand.reconstruction.images.along_ropes import average_along_ropes
 from strand.reconstruction.images.comparison import (
     NODE_SPACING,
@@ -152,7 +152,11 @@ def read_noisy_depth(
         noise = estimate_mean_noise(scatter, round(side), radius)
         first = mask_above_table([image for image, _ in coarse], table, observed.bounds, radius)
         weights = () if run.skips("masks with short outlines") else _OUTLINE_WEIGHTS
-        outlines = [outline_ropes(image, table, observed.bounds, radius, noise, weights) for image in first]
+        heights = [measure_heights(image, table, observed.bounds, radius) for image in first]
+        outlines = [
+            outline_ropes(image, above, table, radius, noise, weights)
+            for image, above in zip(first, heights, strict=True)
+        ]
         ways = [first, *(list(taken) for taken in zip(*outlines, strict=True))]
         masks = [made for taken in ways if (made := _prepare_masks(taken, radius)) is not None]
     if not masks:

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.geometry.plane import Plane
-from strand.reconstruction.images.above_table import MAX_HEIGHT, MIN_HEIGHT, measure_heights
+from strand.reconstruction.images.above_table import MAX_HEIGHT, MIN_HEIGHT, Heights
 from strand.support.checks import Array
 from strand.support.robust import estimate_deviation
-from strand.views.box import Box
 from strand.views.depth_image import DepthImage
 
 _FINEST_RADIUS = 3.0  # pixels: a rope's radius, about, after pixels were averaged
@@ -59,17 +58,17 @@ def estimate_mean_noise(scatter: float, side: int, radius: float) -> float:
     return max(scatter / side, _MIN_NOISE * radius)
 
 
-def measure_height_noise(image: DepthImage, table: Plane, bounds: Box | None, radius: float) -> float:
+def estimate_height_noise(image: DepthImage, heights: Heights, radius: float) -> float:
     """Return the standard deviation of heights beside a mask, metres; infinite without any near the table."""
-    heights, seen, _ = measure_heights(image, table, bounds, radius)
-    beside = heights[seen & ~image.mask & (np.abs(heights) < _BESIDE * radius)]
+    above, seen, _ = heights
+    beside = above[seen & ~image.mask & (np.abs(above) < _BESIDE * radius)]
     return estimate_deviation(beside) if len(beside) else np.inf
 
 
 def outline_ropes(
     image: DepthImage,
+    heights: Heights,
     table: Plane,
-    bounds: Box | None,
     radius: float,
     noise: float,
     weights: Sequence[float],
@@ -85,9 +84,9 @@ def outline_ropes(
     ----------
     image : DepthImage
         With a first mask. Ropes are sought around it.
+    heights : tuple
+        Its heights above the table, as `measure_heights` returns them.
     table : Plane
-    bounds : Box or None
-        The extraction range, metres.
     radius : float
         Metres.
     noise : float
@@ -102,7 +101,7 @@ def outline_ropes(
     rows, columns = (np.flatnonzero(image.mask.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
         return [image] * len(weights)
-    above, seen, pixels = measure_heights(image, table, bounds, radius)
+    above, seen, pixels = heights
     reach = int(_MARGIN_RADII * pixels) + _MARGIN_PIXELS
     part = (
         slice(max(rows[0] - reach, 0), rows[-1] + reach + 1),

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.geometry.plane import Plane
+from strand.reconstruction.images.above_table import measure_heights
 from strand.reconstruction.images.fat_masks import measure_cover
 from strand.reconstruction.images.outlines import (
     ROUNDNESS,
     STEPS_BY_MASK,
     WEIGHT_BY_MASK,
-    measure_height_noise,
+    estimate_height_noise,
     outline_ropes,
 )
 from strand.views.box import Box
@@ -52,11 +53,12 @@ def _mend_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
     around = _AROUND_RADII * pixels + _AROUND_PIXELS
     window = image.frame_mask(_MARGIN + int(around))
     part = image.cropped(window)
-    noise = measure_height_noise(part, table, bounds, radius)
+    heights = measure_heights(part, table, bounds, radius)
+    noise = estimate_height_noise(part, heights, radius)
     if noise > _MAX_NOISE * radius:
         return image
     noise = float(np.hypot(ROUNDNESS * radius, _CORRELATED * noise))
-    (outlined,) = outline_ropes(part, table, bounds, radius, noise, [WEIGHT_BY_MASK], _PRIOR, STEPS_BY_MASK)
+    (outlined,) = outline_ropes(part, heights, table, radius, noise, [WEIGHT_BY_MASK], _PRIOR, STEPS_BY_MASK)
     own = outlined.mask & (_core.measure_edge_distances(~part.mask, int(around) + 2) <= around)
     if part.occluders is not None:
         own &= ~part.occluders

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import strand
-from strand.reconstruction.images.above_table import mask_above_table
+from strand.reconstruction.images.above_table import mask_above_table, measure_heights
 from strand.reconstruction.images.along_ropes import average_along_ropes
 from strand.reconstruction.images.outlines import average_pixels, outline_ropes
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
@@ -34,7 +34,8 @@ def test_outlines_are_nearer_to_the_truth_than_smoothed_heights():
     true, image = image_of(clear), image_of(made)
     table = find_table_beside_ropes(image, RADIUS)
     (smoothed,) = mask_above_table([image], table, strand.Box(*made.bounds), RADIUS)
-    (found,) = outline_ropes(smoothed, table, strand.Box(*made.bounds), RADIUS, made.noise, [0.9])
+    heights = measure_heights(smoothed, table, strand.Box(*made.bounds), RADIUS)
+    (found,) = outline_ropes(smoothed, heights, table, RADIUS, made.noise, [0.9])
 
     def wrong(mask):
         return np.count_nonzero(mask != true.mask) / np.count_nonzero(true.mask)
