@@ -34,21 +34,21 @@ kernel! {
                 let row = y * w..(y + 1) * w;
                 let here = &ahead[row.clone()];
                 let below = if y + 1 < h { &ahead[(y + 1) * w..(y + 2) * w] } else { here };
-                let (right, down) = (&mut right[row.clone()], &mut down[row]);
-                let shrink = |a: f32, b: f32| weight / (a * a + b * b).sqrt().max(weight);
-                for x in 0..w - 1 {
-                    let a = right[x] + STEP * (here[x + 1] - here[x]);
-                    let b = down[x] + STEP * (below[x] - here[x]);
-                    let shrunk = shrink(a, b);
-                    right[x] = a * shrunk;
-                    down[x] = b * shrunk;
+                {
+                    let (right, down) = (&mut right[row.clone()], &mut down[row.clone()]);
+                    let shrink = |a: f32, b: f32| weight / (a * a + b * b).sqrt().max(weight);
+                    for x in 0..w - 1 {
+                        let a = right[x] + STEP * (here[x + 1] - here[x]);
+                        let b = down[x] + STEP * (below[x] - here[x]);
+                        let shrunk = shrink(a, b);
+                        right[x] = a * shrunk;
+                        down[x] = b * shrunk;
+                    }
+                    // values beyond the border equal those on it
+                    let b = down[w - 1] + STEP * (below[w - 1] - here[w - 1]);
+                    down[w - 1] = b * shrink(0.0, b);
                 }
-                // values beyond the border equal those on it
-                let b = down[w - 1] + STEP * (below[w - 1] - here[w - 1]);
-                down[w - 1] = b * shrink(0.0, b);
-            }
-            for y in 0..h {
-                let row = y * w..(y + 1) * w;
+                // the flows of the next row need no more of this one's values
                 let up = if y > 0 { &down[(y - 1) * w..y * w] } else { &beyond };
                 let (right, down, evidence) =
                     (&right[row.clone()], &down[row.clone()], &evidence.values[row.clone()]);

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 
 use super::arguments::{Array, FloatArray, wrong_shape};
 use super::arrays::{array, list};
-use super::released::released;
+use super::released::{CHEAP, released, released_if_many};
 use crate::checks::check_positive;
 use crate::images::beside;
 use crate::images::bits::Bits;
@@ -70,7 +70,7 @@ pub(super) fn count_mask_parts(
     let mask = Array::mask("mask", mask)?;
     let [height, width] = mask.image_shape("mask")?;
     let image = Image { width, height, values: mask.into_values() };
-    let parts = released(py, move || count_parts(&image, piece, hole))?;
+    let parts = released_if_many(py, height * width / CHEAP, move || count_parts(&image, piece, hole))?;
     Ok((parts.largest, parts.pieces, parts.holes))
 }
 
@@ -97,8 +97,10 @@ pub(super) fn number_blobs<'py>(
 #[pyfunction]
 pub(super) fn count_odd_pixels(py: Python<'_>, mask: &Bound<'_, PyAny>) -> PyResult<(usize, usize)> {
     let mask = Array::mask("mask", mask)?;
-    let [_, width] = mask.image_shape("mask")?;
-    released(py, move || Bits::pack(mask.slice(), width).count_odd_pixels().into())
+    let [height, width] = mask.image_shape("mask")?;
+    released_if_many(py, height * width / CHEAP, move || {
+        Bits::pack(mask.slice(), width).count_odd_pixels().into()
+    })
 }
 
 /// Return rows, columns and depths (N,) of pixels with depth in the box around a mask, `reach` pixels wider, that are
@@ -259,8 +261,9 @@ impl RopeMask {
     #[new]
     fn new(py: Python<'_>, mask: &Bound<'_, PyAny>) -> PyResult<Self> {
         let mask = Array::mask("mask", mask)?;
-        let [_, width] = mask.image_shape("mask")?;
-        Ok(Self(Arc::new(released(py, move || rope_mask::RopeMask::new(mask.slice(), width))?)))
+        let [height, width] = mask.image_shape("mask")?;
+        let pack = move || rope_mask::RopeMask::new(mask.slice(), width);
+        Ok(Self(Arc::new(released_if_many(py, height * width / CHEAP, pack)?)))
     }
 
     /// Estimate the ropes' radius in the image from the widths of the mask, pixels; None if it shows no rope.
