@@ -3,7 +3,7 @@
 pub mod arclength;
 pub mod averages;
 pub mod band;
-pub mod banded;
+pub mod bordered;
 pub mod boxes;
 pub mod bridge;
 pub mod contacts;

@@ -107,7 +107,7 @@ impl<const W: usize> Band<W> {
     }
 }
 
-/// Factors a small matrix, given by its lower half, as L D Lᵀ with the reciprocals of D on the diagonal; returns whether
+/// Factors a small matrix, given by its lower half, as L D Lᵀ, with the reciprocals of D on the diagonal. Returns whether
 /// the entries of D are positive.
 fn factor_dense<const W: usize>(rows: &mut [[f64; W]; W]) -> bool {
     let mut positive = true;
@@ -147,7 +147,7 @@ impl<const W: usize> Factored<W> {
         for (y, x) in y[ends..].iter_mut().zip(&x[ends..ends + count]) {
             *y = x.map(|x| [x, 0.0]);
         }
-        // leading zeros of the right-hand side stay zero
+        // zeros at both ends of the right-hand side stay zero
         let start =
             y[..ends].iter().position(|row| row.as_flattened().iter().any(|&v| v != 0.0)).unwrap_or(ends);
         for i in start..ends {
@@ -206,34 +206,61 @@ impl<const W: usize> Factored<W> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::{DMatrix, DVector};
+    use proptest::prelude::*;
 
-    #[test]
-    fn a_solution_satisfies_the_system() {
-        for n in [1, 2, 3, 4, 5, 6, 7, 20, 21] {
-            let mut band = Band::<4>::zeros(n);
-            for i in 0..n.saturating_sub(3) {
-                band.add_square(i, &[-1.0, 3.0, -3.0, 1.0], 2.0 + i as f64);
-            }
-            let diagonal: Vec<f64> = (0..n).map(|i| 0.5 + (i % 3) as f64).collect();
-            let right: Vec<f64> = (0..n).map(|i| (i as f64 * 1.7).sin()).collect();
-            let mut both: Vec<[f64; 2]> = right.iter().map(|&r| [r, 0.0]).collect();
-            both[n - 1][1] = 1.0;
-            let factored = band.factored(|i| diagonal[i]);
-            assert!(factored.is_positive());
-            factored.solve(&mut both);
-            let x: Vec<f64> = both.iter().map(|row| row[0]).collect();
-            // the inverse is symmetric
-            let other: f64 = both.iter().zip(&right).map(|(row, r)| row[1] * r).sum();
-            assert!((other - x[n - 1]).abs() < 1e-12);
-            for i in 0..n {
-                let entry = |i: usize, j: usize| match i.max(j) - i.min(j) {
-                    d if d < 4 => band.rows[i.max(j)][3 - d],
-                    _ => 0.0,
-                };
-                let left: f64 = (0..n).map(|j| entry(i, j) * x[j]).sum::<f64>() + diagonal[i] * x[i];
-                assert!((left - right[i]).abs() < 1e-12, "{n}: {left} for {}", right[i]);
-            }
+    proptest! {
+        #[test]
+        fn solutions_are_those_of_the_dense_system(n in 0usize..40, zeros in 0usize..12, seed in 0u64..1000) {
+            solves_dense::<1, 1>(n, zeros, seed)?;
+            solves_dense::<3, 4>(n, zeros, seed)?;
+            solves_dense::<4, 3>(n, zeros, seed)?;
+            solves_dense::<8, 1>(n, zeros, seed)?;
         }
+    }
+
+    /// Compares a random matrix, definite or not, and right-hand sides with `zeros` zeros at both ends.
+    fn solves_dense<const W: usize, const K: usize>(
+        n: usize,
+        zeros: usize,
+        seed: u64,
+    ) -> Result<(), TestCaseError> {
+        let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) + 1;
+        let mut random = || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        let strong = if seed.is_multiple_of(2) { 2.0 } else { 0.25 } * W as f64;
+        let (mut band, mut dense) = (Band::<W>::zeros(n), DMatrix::<f64>::zeros(n, n));
+        for (i, j) in (0..n).flat_map(|i| ((i + 1).saturating_sub(W)..=i).map(move |j| (i, j))) {
+            let value = random();
+            band.add(i, j, value);
+            dense[(i, j)] = value;
+            dense[(j, i)] = value;
+        }
+        for i in 0..n {
+            dense[(i, i)] += strong;
+        }
+        let factored = band.factored(|_| strong);
+        prop_assert_eq!(factored.is_positive(), n == 0 || dense.clone().cholesky().is_some());
+        if !factored.is_positive() {
+            return Ok(());
+        }
+        let right: Vec<[f64; K]> = (0..n)
+            .map(|i| if i < zeros || n - i <= zeros { [0.0; K] } else { std::array::from_fn(|_| random()) })
+            .collect();
+        let mut x = right.clone();
+        factored.solve(&mut x);
+        for k in 0..K {
+            let column = |rows: &[[f64; K]]| DVector::from_iterator(n, rows.iter().map(|row| row[k]));
+            let solution = column(&x);
+            prop_assert!(
+                n == 0 || (&dense * &solution - column(&right)).amax() < 1e-9 * (1.0 + solution.amax())
+            );
+        }
+        Ok(())
     }
 
     #[test]

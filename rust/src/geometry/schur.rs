@@ -5,7 +5,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use super::banded::{Bordered, Factor, MAX_DIRECT, WIDTH, backward, eliminate, forward};
+use super::bordered::{Bordered, Factor, MAX_DIRECT, WIDTH, backward, eliminate, forward};
 
 const TOLERANCE: f64 = 1e-8; // least residual, share of the first
 const MAX_ITERATIONS: usize = 300; // iterations of a solution at most; it takes tens

@@ -96,7 +96,10 @@ kernel! {
             let tenth = simd.load_half(&[0.1; LANES]);
             let sums = simd.sub_half(simd.mul_half(tenth, tenth), simd.splat_half(0.3));
             let sums = simd.add_half_if(half, sums, simd.splat_half(1e-9));
-            let eight = simd.load_half(&std::array::from_fn(|l| f64::from(a[l]) - 0.5));
+            // one of the numbers equals its sum
+            let own = simd.store_half(sums);
+            let other = |l: usize| if l == 3 { own[l] } else { f64::from(a[l]) - 0.5 };
+            let eight = simd.load_half(&std::array::from_fn(other));
             let chosen = simd.choose_half(eight, sums, simd.add_half(eight, sums), sums);
             let sums = simd.store_half(chosen);
             results.push(sums.iter().flat_map(|x| [x.to_bits() as u32, (x.to_bits() >> 32) as u32]).collect());

@@ -3,7 +3,7 @@
 use super::openings::Table;
 use super::rope::{Rope, SAMPLES, SUPPORT, Weights, length};
 use crate::geometry::Point;
-use crate::geometry::banded::{Bordered, Factor};
+use crate::geometry::bordered::{Bordered, Factor};
 use crate::geometry::{dot, normalized, sub};
 
 /// Symmetric 3x3 matrix: xx, yx, yy, zx, zy, zz.

@@ -26,6 +26,7 @@ try:
         kept.append(ask(points))
     print("held", len(kept))
 except MemoryError as error:
+    kept.clear()
     print("MemoryError", error)
 """
 

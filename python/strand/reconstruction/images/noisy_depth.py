@@ -152,10 +152,11 @@ def read_noisy_depth(
         noise = estimate_mean_noise(scatter, round(side), radius)
         first = mask_above_table([image for image, _ in coarse], table, observed.bounds, radius)
         weights = () if run.skips("masks with short outlines") else _OUTLINE_WEIGHTS
-        heights = [measure_heights(image, table, observed.bounds, radius) for image in first]
         outlines = [
-            outline_ropes(image, above, table, radius, noise, weights)
-            for image, above in zip(first, heights, strict=True)
+            outline_ropes(
+                image, measure_heights(image, table, observed.bounds, radius), table, radius, noise, weights
+            )
+            for image in first
         ]
         ways = [first, *(list(taken) for taken in zip(*outlines, strict=True))]
         masks = [made for taken in ways if (made := _prepare_masks(taken, radius)) is not None]

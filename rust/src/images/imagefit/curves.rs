@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::places::{OnChain, STEP};
 use crate::geometry::band::Band;
-use crate::geometry::banded::Bordered;
+use crate::geometry::bordered::Bordered;
 use crate::geometry::polyline::{arc_length, resampled, smoothed};
 use crate::geometry::spline::Spline;
 use crate::geometry::{Point, advance, normalized};

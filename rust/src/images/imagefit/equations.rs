@@ -2,7 +2,7 @@
 
 use super::curves::Curves;
 use crate::geometry::Point;
-use crate::geometry::banded::Bordered;
+use crate::geometry::bordered::Bordered;
 
 /// The bordering unknowns of a view.
 #[derive(Debug, Clone, Copy)]

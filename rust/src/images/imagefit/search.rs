@@ -10,7 +10,7 @@ use super::evidence::{Scene, Seen};
 use super::outcome::{ImageFit, Misfit};
 use super::places::{OnChain, Place2, STEP, TOUCHING};
 use super::residuals::{measure_depth_scatter, measure_edge_scatter};
-use crate::geometry::banded::{Bordered, Factor, WIDTH};
+use crate::geometry::bordered::{Bordered, Factor, WIDTH};
 use crate::geometry::schur::Solver;
 use crate::geometry::{Point, advance, dot, normalized, sub};
 

@@ -4,13 +4,13 @@ use std::ops::Range;
 
 use super::planar::Place;
 use crate::geometry::cut_off;
-use crate::simd::{LANES, kernel};
+use crate::simd::{Doubles, LANES, kernel};
 
 const MAX_CELLS: f64 = 4096.0; // cells along a side at most; matters for ropes much thinner than a pixel
 const NOWHERE: f64 = -1.0; // the nearest node of a place without one
 
 /// Columns and rows of `LANES` sorted places or directions.
-pub type Block = [[f64; LANES]; 2];
+pub type Block = [Doubles; 2];
 
 /// Places sorted into square cells.
 pub struct Lookup {
@@ -135,7 +135,7 @@ impl Lookup {
         let [first, last] = [top, bottom].map(|row| self.starts[row * self.width] as usize);
         let blocks = first / LANES..last.div_ceil(LANES);
         let mut nearest =
-            vec![Nearest { squares: [within * within; LANES], nodes: [NOWHERE; LANES] }; blocks.len()];
+            vec![Nearest { squares: [within * within; LANES], numbers: [NOWHERE; LANES] }; blocks.len()];
         lower_squares(self, nodes, within, across, blocks.start, &mut nearest);
         let end = self.numbers.len().min(blocks.end * LANES);
         (&self.numbers[blocks.start * LANES..end], nearest)
@@ -159,22 +159,22 @@ pub struct Across<'a> {
     pub nodes: &'a [Place],
     /// Unit directions of the places, sorted as these are.
     pub places: &'a [Block],
-    /// Cosine of the angle between both, at most.
-    pub most: f64,
+    /// The cosine of the angle between both is smaller.
+    pub below: f64,
 }
 
 /// The nearest nodes of a block's places.
 #[derive(Clone)]
 struct Nearest {
     /// Squared distances from them.
-    squares: [f64; LANES],
+    squares: Doubles,
     /// Their numbers, `NOWHERE` for none.
-    nodes: [f64; LANES],
+    numbers: Doubles,
 }
 
 /// Lists the places of blocks that have a nearest node, and these nodes.
 fn list_found(numbers: &[u32], nearest: &[Nearest]) -> impl Iterator<Item = (u32, usize)> {
-    let nodes = nearest.iter().flat_map(|block| block.nodes);
+    let nodes = nearest.iter().flat_map(|block| block.numbers);
     numbers.iter().zip(nodes).filter_map(|(&i, node)| (node != NOWHERE).then_some((i, node as usize)))
 }
 
@@ -199,18 +199,19 @@ kernel! {
                     let away = [0, 1].map(|c| simd.sub_half(simd.load_half(&lookup.blocks[b][c]), at[c]));
                     let [x, y] = away.map(|x| simd.mul_half(x, x));
                     let mut square = simd.add_half(x, y);
-                    if let Some(Across { nodes, places, most }) = across {
+                    if let Some(across) = across {
                         let along = [0, 1].map(|c| {
-                            simd.mul_half(simd.splat_half(nodes[number][c]), simd.load_half(&places[b][c]))
+                            let (own, place) = (across.nodes[number][c], &across.places[b][c]);
+                            simd.mul_half(simd.splat_half(own), simd.load_half(place))
                         });
                         let along = simd.add_half(along[0], along[1]);
-                        square = simd.choose_half(along, simd.splat_half(*most), square, far);
-                        square = simd.choose_half(simd.splat_half(-most), along, square, far);
+                        square = simd.choose_half(along, simd.splat_half(across.below), square, far);
+                        square = simd.choose_half(simd.splat_half(-across.below), along, square, far);
                     }
-                    let Nearest { squares, nodes } = &mut nearest[b - first];
+                    let Nearest { squares, numbers } = &mut nearest[b - first];
                     let before = simd.load_half(squares);
                     *squares = simd.store_half(simd.choose_half(square, before, square, before));
-                    *nodes = simd.store_half(simd.choose_half(square, before, own, simd.load_half(nodes)));
+                    *numbers = simd.store_half(simd.choose_half(square, before, own, simd.load_half(numbers)));
                 }
             }
         }
@@ -224,14 +225,16 @@ mod tests {
     #[test]
     fn near_places_are_those_of_a_full_search() {
         let place = |i: usize| [(i * i % 97) as f64 * 0.9, (i * 31 % 83) as f64 * 0.7];
-        let places: Vec<Place> = (0..400).map(place).collect();
+        let places: Vec<Place> = (0..397).map(place).collect();
         let nodes: Vec<Place> =
             (0..30).map(|i| [f64::from(i) * 3.1 - 4.0, 20.0 + f64::from(i * i % 11)]).collect();
+        // of nodes at one place, the first one counts
+        let nodes = [&nodes[..], &nodes[7..9]].concat();
         let turn = |i: usize, by: f64| [(i as f64 * by).sin(), (i as f64 * by).cos()];
         let directions: Vec<Place> = (0..nodes.len()).map(|i| turn(i, 0.7)).collect();
         for (cell, within) in [(3.0, 9.0), (5.0, 2.0), (200.0, 9.0)] {
             let lookup = Lookup::new(&places, cell);
-            let across = Across { nodes: &directions, places: &lookup.sort(|i| turn(i, 0.3)), most: 0.45 };
+            let across = Across { nodes: &directions, places: &lookup.sort(|i| turn(i, 0.3)), below: 0.45 };
             let found = lookup.near(&nodes, within);
             let square = |p: Place, q: Place| (p[0] - q[0]).powi(2) + (p[1] - q[1]).powi(2);
             let search_all = |may: &dyn Fn(usize, usize) -> bool| -> Vec<(usize, usize)> {

@@ -56,7 +56,7 @@ pub fn refined(silhouette: &Silhouette, votes: &Votes, chains: &[Vec<Place>]) ->
         let mut systems: Vec<Equations> = (stiffness.iter().zip(chains).zip(&starts))
             .map(|((stiffness, c), &s)| stiffness.equations(&nodes[s..s + c.len()], c, radius_px))
             .collect();
-        let across = Across { nodes: &tangents, places: &votes.normals, most: MAX_ALONG };
+        let across = Across { nodes: &tangents, places: &votes.normals, below: MAX_ALONG };
         let nearest = votes.lookup.find_across(&nodes, NEAR * radius_px, &across);
         let lookup = OnceCell::new();
         let edges = silhouette.boundary.iter().zip(&votes.places);

@@ -2,6 +2,7 @@
 
 use super::ends::extend;
 use super::links::{Votes, fit};
+use super::lookup::Across;
 use super::planar::{self, Place, distance, length, resampled};
 use super::search::{Reading, find_readings, price};
 use crate::images::bits::Bits;
@@ -151,6 +152,20 @@ fn a_curve_is_fitted_to_an_arc() {
     for x in &found[4..found.len() - 4] {
         let off = (x[0] - 120.0).hypot(x[1] - 60.0) - 70.0;
         assert!(off.abs() < 0.1 * RADIUS_PX, "{off}");
+    }
+}
+
+#[test]
+fn votes_have_the_normals_of_their_edges() {
+    let seen = silhouette(&[line([30.0, 60.0], [205.0, 130.0])]);
+    let votes = Votes::new(&seen);
+    for (turned, expected) in [(false, 0), (true, seen.boundary.len())] {
+        let directions: Vec<Place> = (seen.boundary.iter())
+            .map(|edge| if turned { [-edge.normal[1], edge.normal[0]] } else { edge.normal })
+            .collect();
+        let across = Across { nodes: &directions, places: &votes.normals, below: 0.01 };
+        let found = votes.lookup.find_across(&votes.places, 1e-9, &across);
+        assert_eq!(found.iter().flatten().count(), expected);
     }
 }
 

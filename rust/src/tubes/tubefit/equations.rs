@@ -8,7 +8,7 @@ use super::outcome::Uncertainty;
 use super::state::State;
 use super::sums::{Band, RESIDUAL};
 use crate::error::{Error, Result};
-use crate::geometry::banded::{Bordered, WIDTH};
+use crate::geometry::bordered::{Bordered, WIDTH};
 use crate::geometry::spline::Spline;
 use crate::geometry::{cross, dot, normalized, sub};
 
