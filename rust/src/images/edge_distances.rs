@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 
 use super::bits::{Bits, WORD_PIXELS, select};
 use super::distances::measure_alone;
-use super::image::{Image, smoothing_kernel};
+use super::image::{Image, smooth_row, smoothing_kernel};
 use super::runs::Mask;
 use crate::geometry::cut_off;
 use crate::parallel;
@@ -327,25 +327,6 @@ fn step(own: &Row<u8>, before: &Row<u8>, state: &mut Row<u8>) {
     }
 }
 
-/// Smooths a row, given with the row shifted by each number of pixels to both sides, or with the rows beside it.
-#[inline(always)]
-fn smooth_row<'a>(
-    kernel: &[f32; HALO + 1],
-    beside: impl Fn(usize) -> [&'a [f32; WIDE]; 2],
-    to: &mut [f32; WIDE],
-) {
-    let [own, _] = beside(0);
-    for x in 0..WIDE {
-        to[x] = kernel[0] * own[x];
-    }
-    for (i, k) in kernel.iter().enumerate().skip(1) {
-        let [before, after] = beside(i);
-        for x in 0..WIDE {
-            to[x] += k * (before[x] + after[x]);
-        }
-    }
-}
-
 kernel! {
     /// Smooths a part of a patch of some columns and rows; its border is repeated.
     fn smooth<S>(
@@ -363,8 +344,7 @@ kernel! {
             padded[HALO..HALO + WIDE].copy_from_slice(from);
             padded[..HALO].fill(from[0]);
             padded[HALO + whole[0]..].fill(from[whole[0] - 1]);
-            let shifted = |by: usize| padded[by..].first_chunk().expect("a halo is on both sides");
-            smooth_row(kernel, |i| [shifted(HALO - i), shifted(HALO + i)], row);
+            smooth_row(kernel, |i| [&padded[HALO - i..][..WIDE], &padded[HALO + i..][..WIDE]], row);
         }
         for (n, to) in to.chunks_exact_mut(STRIDE).take(size[1]).enumerate() {
             let y = corner[1] + n;

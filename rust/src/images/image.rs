@@ -114,6 +114,20 @@ kernel! {
     }
 }
 
+/// Smooths a row by half of a symmetric kernel, given the values before and after it at each distance.
+#[inline(always)]
+pub fn smooth_row<'a>(kernel: &[f32], beside: impl Fn(usize) -> [&'a [f32]; 2], to: &mut [f32]) {
+    for (value, x) in to.iter_mut().zip(beside(0)[0]) {
+        *value = kernel[0] * x;
+    }
+    for (i, k) in kernel.iter().enumerate().skip(1) {
+        let [before, after] = beside(i);
+        for ((value, a), b) in to.iter_mut().zip(before).zip(after) {
+            *value += k * (a + b);
+        }
+    }
+}
+
 kernel! {
     /// Smooths rows of an image, from row `first` on, by half of a symmetric kernel; the border is repeated.
     fn smooth<S>(_, image: &Image<f32>, kernel: &[f32], first: usize, to: &mut [f32]) {
@@ -127,27 +141,12 @@ kernel! {
             padded[..reach].fill(values[0]);
             padded[reach..reach + w].copy_from_slice(values);
             padded[reach + w..].fill(values[w - 1]);
-            for (value, x) in row.iter_mut().zip(&padded[reach..]) {
-                *value = kernel[0] * x;
-            }
-            for (i, k) in kernel.iter().enumerate().skip(1) {
-                for ((value, a), b) in row.iter_mut().zip(&padded[reach - i..]).zip(&padded[reach + i..]) {
-                    *value += k * (a + b);
-                }
-            }
+            smooth_row(kernel, |i| [&padded[reach - i..], &padded[reach + i..]], row);
         }
         for (n, to) in to.chunks_exact_mut(w).enumerate() {
             let row = |y: usize| &rows[(y - from) * w..][..w];
             let y = first + n;
-            for (value, x) in to.iter_mut().zip(row(y)) {
-                *value = kernel[0] * x;
-            }
-            for (i, k) in kernel.iter().enumerate().skip(1) {
-                let (above, below) = (row(y.saturating_sub(i)), row((y + i).min(h - 1)));
-                for ((value, a), b) in to.iter_mut().zip(above).zip(below) {
-                    *value += k * (a + b);
-                }
-            }
+            smooth_row(kernel, |i| [row(y.saturating_sub(i)), row((y + i).min(h - 1))], to);
         }
     }
 }
