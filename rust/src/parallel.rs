@@ -8,7 +8,7 @@
 //! waits for them, and stop at the next [`go_on`].
 
 use std::any::Any;
-use std::cell::OnceCell;
+use std::cell::{Cell, OnceCell};
 use std::marker::PhantomData;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicUsize, Ordering};
@@ -57,6 +57,8 @@ const MIN_ROWS_PER_TASK: usize = 32;
 thread_local! {
     /// Whether nobody waits for this thread's pool any more; only threads of pools have it.
     static GIVEN_UP: OnceCell<Arc<AtomicBool>> = const { OnceCell::new() };
+    /// Whether work on this thread stays in its pool.
+    static IN_POOL: Cell<bool> = const { Cell::new(false) };
 }
 
 /// The panic payload of work that was given up.
@@ -122,20 +124,33 @@ pub(crate) fn run<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     }
 }
 
-/// Returns whether this thread belongs to a pool of this module.
+/// Returns whether this thread belongs to a pool of this module, and its work stays there.
 fn is_worker() -> bool {
-    GIVEN_UP.with(|given_up| given_up.get().is_some())
+    IN_POOL.get()
 }
 
-/// Runs `work` if the system gives no threads, or shall give none: this thread becomes a pool of its own, permanently.
+/// Runs `work` on this thread alone: the system gives no threads, or shall give none. The thread becomes a pool of its
+/// own, permanently, but only this work stays there.
 pub(crate) fn alone<T>(work: impl FnOnce() -> T) -> T {
+    struct Leave;
+    impl Drop for Leave {
+        fn drop(&mut self) {
+            IN_POOL.set(false);
+        }
+    }
     if is_worker() {
         return work();
     }
-    if let Ok(pool) = ThreadPoolBuilder::new().num_threads(1).use_current_thread().build() {
-        GIVEN_UP.with(|given_up| given_up.get_or_init(Arc::default).store(false, Ordering::Relaxed));
-        std::mem::forget(pool);
-    }
+    GIVEN_UP.with(|given_up| {
+        if given_up.get().is_none()
+            && let Ok(pool) = ThreadPoolBuilder::new().num_threads(1).use_current_thread().build()
+        {
+            std::mem::forget(pool);
+            given_up.get_or_init(Arc::default);
+        }
+    });
+    IN_POOL.set(true);
+    let _leave = Leave;
     work()
 }
 
@@ -273,7 +288,10 @@ fn build(given: usize, threads: usize) -> Option<Pool> {
     let pool = ThreadPoolBuilder::new()
         .num_threads(given)
         .thread_name(|i| format!("strand-{i}"))
-        .start_handler(move |_| GIVEN_UP.with(|given_up| given_up.set(theirs.clone()).unwrap_or_default()))
+        .start_handler(move |_| {
+            GIVEN_UP.with(|given_up| given_up.set(theirs.clone()).unwrap_or_default());
+            IN_POOL.set(true);
+        })
         .build()
         .ok()?;
     Some(Pool { threads, pool, given_up })
@@ -361,6 +379,24 @@ mod tests {
         }
         set_num_threads(0);
         assert!(num_threads() >= 1);
+    }
+
+    #[test]
+    fn work_alone_stays_on_its_thread_and_later_work_does_not() {
+        let _alone = alone();
+        set_num_threads(3);
+        let here = std::thread::current().id();
+        let threads_of = || (rayon::current_num_threads(), map(&[0; 100], |_| std::thread::current().id()));
+        for _ in 0..2 {
+            let (threads, ids) = super::alone(|| run(threads_of));
+            assert_eq!(threads, 1);
+            assert!(ids.iter().all(|&id| id == here));
+            assert_eq!(run(rayon::current_num_threads), 3);
+        }
+        let broken = || super::alone(|| map(&[0usize, 1], |&i| [1.0][i]));
+        assert!(catch_unwind(broken).is_err());
+        assert_eq!(run(rayon::current_num_threads), 3);
+        set_num_threads(0);
     }
 
     #[test]

@@ -8,13 +8,17 @@ use super::strokes::{Filled, Strokes, find_scale_of_widths, measure_shown_radius
 /// A mask, and its strands as they were traced last: radii that fill the same holes have the same strands.
 pub struct RopeMask {
     mask: Bits,
+    /// The number of its pixels.
+    pub pixels: usize,
     traced: Mutex<Option<(Bits, Arc<Strokes>)>>,
 }
 
 impl RopeMask {
     /// Takes the mask of an image of `width` columns.
     pub fn new(mask: &[bool], width: usize) -> Self {
-        Self { mask: Bits::pack(mask, width), traced: Mutex::new(None) }
+        let mask = Bits::pack(mask, width);
+        let pixels = mask.words.iter().map(|word| word.count_ones() as usize).sum();
+        Self { mask, pixels, traced: Mutex::new(None) }
     }
 
     /// Fills the mask for ropes of a radius, pixels, and magnifies it; None if it is empty without specks.

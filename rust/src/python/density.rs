@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 
 use super::arguments::{Array, FloatArray, Points, require_same_length, slices, wrong_shape};
 use super::arrays::{PointsArray, list, points_array};
-use super::released::{CHEAP, released, released_if_many};
+use super::released::{CHEAP, released_if_long, released_if_many};
 use crate::checks::check_positive;
 use crate::clouds::{density, proximity};
 use crate::geometry::polyline;
@@ -21,7 +21,8 @@ pub(super) fn count_typical_neighbors(
     radius: f64,
 ) -> PyResult<usize> {
     let points = Points::new("points", points, "(N, 3)")?;
-    Ok(released(py, move || density::typical_neighbors(&points, radius))??)
+    let cost = 20 * points.len();
+    Ok(released_if_long(py, cost, move || density::typical_neighbors(&points, radius))??)
 }
 
 /// Count the voxels that hold points of some clouds; `side` is the edge of a voxel, metres.
@@ -41,8 +42,8 @@ pub(super) fn find_squared_distances<'py>(
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let points = Points::new("points", points, "(N, 3)")?;
     let others = Points::new("others", others, "(M, 3)")?;
-    let count = points.len() + others.len();
-    list(py, released_if_many(py, count, move || proximity::squared_distances(&points, &others))??)
+    let cost = 40 * (points.len() + others.len());
+    list(py, released_if_long(py, cost, move || proximity::squared_distances(&points, &others))??)
 }
 
 /// Return the number of the nearest of others to each point, the first among equals; -1 if there are none.
@@ -54,8 +55,8 @@ pub(super) fn find_nearest<'py>(
 ) -> PyResult<Bound<'py, PyArray1<i64>>> {
     let points = Points::new("points", points, "(N, 3)")?;
     let others = Points::new("others", others, "(M, 3)")?;
-    let count = points.len() + others.len();
-    let found = released_if_many(py, count, move || proximity::nearest(&points, &others))??;
+    let cost = 40 * (points.len() + others.len());
+    let found = released_if_long(py, cost, move || proximity::nearest(&points, &others))??;
     list(py, found.into_iter().map(|number| number.map_or(-1, |number| number as i64)).collect())
 }
 
@@ -107,5 +108,9 @@ pub(super) fn measure_variances<'py>(
 ) -> PyResult<PointsArray<'py>> {
     let points = Points::new("points", points, "(N, 3)")?;
     let places = Points::new("places", places, "(M, 3)")?;
-    points_array(py, released(py, move || density::variances_around(&points, &places, reach, fewest))??)
+    let cost = 16 * points.len() + 200 * places.len();
+    points_array(
+        py,
+        released_if_long(py, cost, move || density::variances_around(&points, &places, reach, fewest))??,
+    )
 }

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 
 use super::arguments::{Points, Rows, count, number};
 use super::arrays::list;
-use super::released::released;
+use super::released::{released, released_if_long};
 use crate::error::Error;
 use crate::parallel;
 
@@ -89,7 +89,7 @@ pub(super) fn count_neighbors<'py>(
     let points = Points::new("points", points, "(N, 3)")?;
     let radius = number("radius", radius)?;
     let rows = Rows::new(nonfinite, &[&points])?;
-    let counts = released(py, move || {
+    let counts = released_if_long(py, 50 * points.len(), move || {
         let counts = crate::count_neighbors(&rows.select(&points), radius)?;
         Ok::<_, Error>(rows.scatter(whole(counts), 0))
     })??;

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 
 use super::arguments::{Array, FloatArray, Points, motion, wrong_shape};
 use super::arrays::{array, constant, list};
-use super::released::{CHEAP, released, released_if_many};
+use super::released::{released, released_if_long};
 use crate::checks::check_positive;
 use crate::clouds::depth::Pinhole;
 use crate::geometry::median::median_of_many;
@@ -41,7 +41,7 @@ pub(super) fn measure_heights<'py>(
     let pose = motion("pose", pose)?;
     let within = within.map(|(low, high, pose)| Ok::<_, PyErr>((low, high, motion("within", &pose)?)));
     let within = within.transpose()?.map(|(low, high, pose)| box_of(low, high, &pose, height));
-    let (above, counts, middle) = released(py, move || {
+    let (above, counts, middle) = released_if_long(py, 2 * shape[0] * shape[1], move || {
         let camera = Pinhole { focal, center };
         let seen = DepthPixels { depth: image.slice(), width: shape[1].max(1), camera, pose };
         let (above, counts) = heights::measure_heights(&seen, plane, within.as_ref());
@@ -85,7 +85,7 @@ pub(super) fn find_standing<'py>(
     }
     // entries farther out than the image is wide lie beyond the border
     kernel.truncate(width.max(height));
-    let found = released(py, move || {
+    let found = released_if_long(py, 3 * width * height, move || {
         let limits = Standing { smoothing: Smoothing { range, kernel: &kernel, share }, edge };
         heights::find_standing(above.slice(), counts.slice(), width, &limits)
     })?;
@@ -136,9 +136,8 @@ pub(super) fn find_plane<'py>(
     let compared = Points::new("compared", compared, "(M, 3)")?;
     let corners = Points::new("corners", corners, "(3 K, 3)")?;
     let search = PlaneSearch { width, least, share, rounds: rounds.min(MAX_ROUNDS), fewest, adaptive };
-    let items = (corners.len() * compared.len() + search.rounds * points.len()) / CHEAP;
-    let found =
-        released_if_many(py, items, move || find(&points, &compared, corners.as_chunks().0, &search))?;
+    let cost = corners.len() * compared.len() / 4 + 4 * search.rounds * points.len();
+    let found = released_if_long(py, cost, move || find(&points, &compared, corners.as_chunks().0, &search))?;
     found.map(|plane| Ok((list(py, plane.normal.to_vec())?, plane.offset, plane.share))).transpose()
 }
 

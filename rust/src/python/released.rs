@@ -16,6 +16,7 @@ use crate::parallel::{self, Caller};
 const PATIENCE: Duration = Duration::from_millis(50); // longest time that a signal waits for its handler
 const FEW_ITEMS: usize = 20_000; // items whose work takes less time than that
 pub(super) const CHEAP: usize = 16; // points that count as one item, where each takes some nanoseconds
+const HANDING_OVER: usize = 200_000; // shorter work takes less time than other threads take to begin it, nanoseconds
 
 /// The place of the last panic.
 static PLACE: Mutex<String> = Mutex::new(String::new());
@@ -60,6 +61,23 @@ pub(super) fn released_if_many<T: Send + 'static>(
     work: impl FnOnce() -> T + Send + 'static,
 ) -> PyResult<T> {
     if things > FEW_ITEMS { released(py, work) } else { guarded(work) }
+}
+
+/// Runs `work` as [`released`] does; on Python's main thread at once and alone if it is shorter than handing it over.
+///
+/// `nanoseconds` is about how long it takes on one thread.
+///
+/// # Errors
+/// As [`released`].
+pub(super) fn released_if_long<T: Send + 'static>(
+    py: Python<'_>,
+    nanoseconds: usize,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> PyResult<T> {
+    if nanoseconds < HANDING_OVER && is_main_thread(py)? {
+        return guarded(|| parallel::alone(work));
+    }
+    released(py, work)
 }
 
 /// Runs `work` at once.
