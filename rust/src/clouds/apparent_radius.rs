@@ -65,11 +65,10 @@ fn find_strip(seed: Point, viewpoint: Point, grids: &[Grid]) -> Option<ApparentR
     let y = cross(ray, x);
     for grid in grids {
         let mut near: Vec<(f64, [f64; 2])> = Vec::new();
-        grid.visit_near(seed, |_, p, squared| {
+        grid.visit_near(seed, f64::INFINITY, |_, p, squared| {
             let d = sub(p, viewpoint);
             let d = advance(d.map(|v| v * range / dot(d, ray)), -range, ray);
             near.push((squared, [dot(d, x), dot(d, y)]));
-            true
         });
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (mut sum, mut squares, mut next) = ([0.0; 2], [0.0; 3], 0.0);

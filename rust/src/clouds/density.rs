@@ -22,10 +22,7 @@ pub(crate) fn typical_neighbors(points: &[Point], radius: f64) -> Result<usize> 
         let others = |position: usize| {
             parallel::go_on();
             let mut count = 0;
-            grid.visit_around(position, |_, _, _| {
-                count += 1;
-                true
-            });
+            grid.visit_around(position, |_, _, _| count += 1);
             count - 1
         };
         (0..points.len()).into_par_iter().step_by(step).with_min_len(POINTS_PER_TASK).map(others).collect()

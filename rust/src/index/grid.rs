@@ -9,10 +9,12 @@ use super::hierarchy::Hierarchy;
 use super::limits::CROWDED;
 use super::sort::sort_words;
 use crate::geometry::{Point, squared_distance};
+use crate::simd::{LANES, kernel};
 
 const AXIS_BITS: u32 = 21; // bits of a cell's coordinate along one axis; three coordinates make a key
 
 const WIDE: f64 = 2.0; // wider cells would hold many points out of reach, radii
+const COMPARED: usize = 64; // points that are compared with a centre at once, a bit of a word each
 
 /// Points sorted by the cells of a uniform grid. Cells are at least one search radius wide.
 ///
@@ -25,10 +27,10 @@ pub struct Grid {
     /// Keys of the cells that hold points, ascending, and where the points of each start.
     keys: Vec<u64>,
     starts: Vec<usize>,
-    /// The points in order of their cells, and each one's index in the input. In order of the hierarchy's boxes where
-    /// cells are wide.
-    points: Vec<Point>,
+    /// The points' indices in the input, in order of their cells. In order of the hierarchy's boxes where cells are wide.
     order: Vec<u32>,
+    /// Their coordinates along each axis, and a few numbers more, so that whole registers can be read.
+    axes: [Vec<f64>; 3],
     /// Whether cells are much wider than the radius; then there are no cells, and searches use the hierarchy.
     wide: bool,
     /// The hierarchy of the points in the grid's order.
@@ -42,26 +44,49 @@ struct Runs {
 }
 
 /// The points of a grid that may lie within its radius of a centre.
-pub struct Neighborhood<'a> {
+struct Neighborhood<'a> {
     grid: &'a Grid,
     center: Point,
     runs: &'a [Range<usize>],
 }
 
 impl Neighborhood<'_> {
-    /// Calls `visit` with each point within the grid's radius, boundary included: its position in the grid's order, the
-    /// point, and its squared distance. Stops when `visit` returns false.
+    /// Calls `visit` with each point within a reach, boundary included: its position in the grid's order, the point, and
+    /// its squared distance.
     #[inline(always)]
-    pub fn visit(&self, mut visit: impl FnMut(usize, Point, f64) -> bool) {
-        let limit = self.grid.radius * self.grid.radius;
+    fn visit(&self, reach: f64, mut visit: impl FnMut(usize, Point, f64)) {
+        let grid = self.grid;
         for run in self.runs {
-            for (position, &q) in run.clone().zip(&self.grid.points[run.clone()]) {
-                let squared = squared_distance(q, self.center);
-                if squared <= limit && !visit(position, q, squared) {
-                    return;
+            for start in run.clone().step_by(COMPARED) {
+                let axes = [0, 1, 2].map(|k| &grid.axes[k][start..]);
+                let mut near = find_near(axes, COMPARED.min(run.end - start), self.center, reach * reach);
+                while near != 0 {
+                    let position = start + near.trailing_zeros() as usize;
+                    near &= near - 1;
+                    let q = grid.point(position);
+                    visit(position, q, squared_distance(q, self.center));
                 }
             }
         }
+    }
+}
+
+kernel! {
+    /// Returns which of the first `count` points, at most 64, lie within a distance of a centre, as bits. `limit` is its
+    /// square. Each axis has whole registers of numbers.
+    fn find_near<S>(simd, axes: [&[f64]; 3], count: usize, center: Point, limit: f64) -> u64 {
+        let [x, y, z] = axes.map(|axis| axis.as_chunks::<LANES>().0);
+        let (center, limit) = (center.map(|c| simd.splat_half(c)), simd.splat_half(limit));
+        let mut near = 0;
+        for (block, ((x, y), z)) in x.iter().zip(y).zip(z).take(count.div_ceil(LANES)).enumerate() {
+            let away = |axis, k: usize| {
+                let offset = simd.sub_half(simd.load_half(axis), center[k]);
+                simd.mul_half(offset, offset)
+            };
+            let squares = simd.add_half(simd.add_half(away(x, 0), away(y, 1)), away(z, 2));
+            near |= u64::from(simd.le_half(squares, limit)) << (block * LANES);
+        }
+        near & (u64::MAX >> (COMPARED - count))
     }
 }
 
@@ -88,15 +113,15 @@ impl Grid {
             inverse_cell: 1.0 / cell,
             keys: Vec::new(),
             starts: Vec::new(),
-            points: Vec::new(),
             order: Vec::new(),
+            axes: Default::default(),
             wide: cell > WIDE * radius,
             hierarchy: OnceLock::new(),
         };
         if grid.wide {
             let mut hierarchy = Hierarchy::new(points.iter().copied());
             grid.order = hierarchy.take_order();
-            grid.points = grid.gather(points);
+            grid.take(points);
             grid.hierarchy = OnceLock::from(hierarchy);
             return grid;
         }
@@ -110,8 +135,16 @@ impl Grid {
             grid.order.push(i);
         }
         grid.starts.push(points.len());
-        grid.points = grid.gather(points);
+        grid.take(points);
         grid
+    }
+
+    /// Takes the points' coordinates in the grid's order.
+    fn take(&mut self, points: &[Point]) {
+        self.axes = std::array::from_fn(|k| {
+            let ordered = self.order.iter().map(|&i| points[i as usize][k]);
+            ordered.chain([f64::INFINITY; LANES]).collect()
+        });
     }
 
     /// Returns the keys of the points' cells and the points' indices, in order; `high` holds the greatest coordinates.
@@ -146,7 +179,7 @@ impl Grid {
 
     /// Returns a hierarchy of the points, numbered by their positions in the grid's order.
     pub fn hierarchy(&self) -> &Hierarchy {
-        self.hierarchy.get_or_init(|| Hierarchy::new(self.points.iter().copied()))
+        self.hierarchy.get_or_init(|| Hierarchy::new((0..self.order.len()).map(|i| self.point(i))))
     }
 
     /// Whether searches may meet very many points, within the radius or beyond it.
@@ -161,7 +194,7 @@ impl Grid {
 
     /// Returns the point at a position in the grid's order.
     pub fn point(&self, position: usize) -> Point {
-        self.points[position]
+        [0, 1, 2].map(|k| self.axes[k][position])
     }
 
     /// Samples one chosen point in each voxel of side `size`: returns the positions of the first in the grid's order.
@@ -176,13 +209,13 @@ impl Grid {
             last = Some(found);
             is_new
         };
-        (0..self.points.len()).filter(|&i| chosen(i) && is_new(self.points[i])).collect()
+        (0..self.order.len()).filter(|&i| chosen(i) && is_new(self.point(i))).collect()
     }
 
-    /// Calls `visit` with each point within the radius of the grid's point at a position, as [`Neighborhood::visit`]
-    /// does.
-    pub fn visit_around(&self, position: usize, visit: impl FnMut(usize, Point, f64) -> bool) {
-        let center = self.points[position];
+    /// Calls `visit` with each point within the radius of the grid's point at a position, boundary included: its position
+    /// in the grid's order, the point, and its squared distance.
+    pub fn visit_around(&self, position: usize, visit: impl FnMut(usize, Point, f64)) {
+        let center = self.point(position);
         let (few, many);
         let runs = if self.wide {
             many = self.hierarchy().runs_near(center, self.radius * self.radius);
@@ -191,11 +224,12 @@ impl Grid {
             few = Sweep::default().runs(self, key(self.cell(center)));
             &few.runs[..]
         };
-        Neighborhood { grid: self, center, runs }.visit(visit);
+        Neighborhood { grid: self, center, runs }.visit(self.radius, visit);
     }
 
-    /// Calls `visit` with each point within the radius of any place, as [`Neighborhood::visit`] does.
-    pub fn visit_near(&self, center: Point, visit: impl FnMut(usize, Point, f64) -> bool) {
+    /// Calls `visit` with each point within a reach of any place, or the radius if that is less, as
+    /// [`Grid::visit_around`] does.
+    pub fn visit_near(&self, center: Point, reach: f64, visit: impl FnMut(usize, Point, f64)) {
         let cells = |k: usize| (center[k] - self.low[k]) * self.inverse_cell;
         let (few, many);
         let runs = if self.wide {
@@ -210,7 +244,7 @@ impl Grid {
             few = Sweep::default().runs(self, key(cell));
             &few.runs[..]
         };
-        Neighborhood { grid: self, center, runs }.visit(visit);
+        Neighborhood { grid: self, center, runs }.visit(reach.min(self.radius), visit);
     }
 
     /// Returns the cell of a point inside the grid's extent. Numbers start at 2, so that places one cell outside still
@@ -282,7 +316,7 @@ mod tests {
             let grid = Grid::new(&points, radius);
             for position in 0..points.len() {
                 let mut found = Vec::new();
-                grid.visit_around(position, |other, _, _| { found.push(grid.input_index(other)); true });
+                grid.visit_around(position, |other, _, _| found.push(grid.input_index(other)));
                 found.sort_unstable();
                 prop_assert_eq!(found, within(&points, points[grid.input_index(position)], radius));
             }
@@ -293,10 +327,7 @@ mod tests {
     fn many_coincident_points_are_no_trouble() {
         let points = vec![[0.25, -1.0, 3.0]; 5000];
         let mut count = 0;
-        Grid::new(&points, 0.1).visit_around(17, |_, _, _| {
-            count += 1;
-            true
-        });
+        Grid::new(&points, 0.1).visit_around(17, |_, _, _| count += 1);
         assert_eq!(count, 5000);
     }
 }

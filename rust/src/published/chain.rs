@@ -115,7 +115,6 @@ impl Tracer<'_> {
             } else if target[other] && nearest.is_none_or(|(least, _)| squared < least) {
                 nearest = Some((squared, other));
             }
-            true
         });
         nearest.map(|(_, other)| other)
     }

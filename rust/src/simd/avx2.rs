@@ -208,6 +208,11 @@ impl Simd for Avx2 {
                 _mm256_blendv_pd(no[1], yes[1], _mm256_cmp_pd::<_CMP_LT_OQ>(a[1], b[1])),
             ]
         }
+        fn le_half(self, a: [__m256d; 2], b: [__m256d; 2]) -> u32 {
+            let low = _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(a[0], b[0]));
+            let high = _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(a[1], b[1]));
+            (low | (high << (LANES / 2))) as u32
+        }
         fn add_half_if(self, mask: __m256, a: [__m256d; 2], x: [__m256d; 2]) -> [__m256d; 2] {
             let mask = _mm256_castps_si256(mask);
             let low = _mm256_cvtepi32_epi64(_mm256_castsi256_si128(mask));

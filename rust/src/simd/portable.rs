@@ -159,6 +159,14 @@ impl Simd for Portable {
         std::array::from_fn(|l| if a[l] < b[l] { yes[l] } else { no[l] })
     }
     #[inline(always)]
+    fn le_half(self, a: Doubles, b: Doubles) -> u32 {
+        let mut bits = 0;
+        for l in 0..LANES {
+            bits |= u32::from(a[l] <= b[l]) << l;
+        }
+        bits
+    }
+    #[inline(always)]
     fn add_half_if(self, mask: [bool; LANES], a: Doubles, x: Doubles) -> Doubles {
         std::array::from_fn(|l| if mask[l] { a[l] + x[l] } else { a[l] })
     }

@@ -25,9 +25,11 @@ const COLLISION: f64 = 0.6; // an arc ends nearer than this to another arc, or t
 const CUBE: f64 = 6.0;
 /// Default of the fewest nodes of an arc.
 pub const MIN_NODES: usize = 4;
+const CLAIMED: [f64; 2] = [0.6, 1.45]; // points nearer to a node, along the arc and across it, are the arc's, radii
 const STEP: f64 = 0.5; // distance between the nodes of an arc, radii
 /// Sides of the voxels that give one seed each, radii; a smaller side follows where arcs left points free.
 const SEED_VOXELS: [f64; 3] = [4.8, 2.4, 0.8];
+const AROUND: f64 = 1.3; // points nearer than this to a seed give its normal, radii
 const DIRECTIONS: usize = 6; // directions that are tried at a seed
 /// Seeds that one task fits; fixed, so that results do not depend on the number of threads.
 const SEEDS_PER_TASK: usize = 4;
@@ -203,11 +205,10 @@ impl Tracer {
     /// Collects the free points near a place, in the grid's order.
     fn patch(&self, center: Point) -> Patch {
         let mut patch = Patch::new(center, self.radius);
-        self.grid.visit_near(center, |i, p, _| {
+        self.grid.visit_near(center, PATCH * self.radius, |i, p, _| {
             if self.free[i] {
                 patch.push(p, self.to_camera[i]);
             }
-            true
         });
         patch
     }
@@ -230,14 +231,8 @@ impl Tracer {
     fn seed(&self, position: usize) -> Option<Seed> {
         parallel::go_on();
         let p = self.grid.point(position);
-        let limit = (1.3 * self.radius).powi(2);
         let mut moments = Moments::default();
-        self.grid.visit_near(p, |_, q, squared| {
-            if squared <= limit {
-                moments.add(sub(q, p));
-            }
-            true
-        });
+        self.grid.visit_near(p, AROUND * self.radius, |_, q, _| moments.add(sub(q, p)));
         if moments.count() < 6 {
             return None;
         }
@@ -301,20 +296,20 @@ impl Tracer {
         let r = self.radius;
         for (tubelet, _) in steps {
             let Self { grid, to_camera, free, .. } = self;
-            grid.visit_near(tubelet.center, |i, p, _| {
+            grid.visit_near(tubelet.center, CLAIMED[0].hypot(CLAIMED[1]) * r * (1.0 + 1e-9), |i, p, _| {
                 let x = sub(p, tubelet.center);
                 let along = dot(x, tubelet.tangent);
                 // most points are beside the step, or claimed by the last one
-                if !free[i] || along.abs() > 0.6 * r {
-                    return true;
+                if !free[i] || along.abs() > CLAIMED[0] * r {
+                    return;
                 }
                 let outward = advance(x, -along, tubelet.tangent);
                 let distance = dot(outward, outward).sqrt();
-                if distance < 1.45 * r && (distance < 0.5 * r || dot(outward, to_camera[i]) > -0.2 * distance)
+                if distance < CLAIMED[1] * r
+                    && (distance < 0.5 * r || dot(outward, to_camera[i]) > -0.2 * distance)
                 {
                     free[i] = false;
                 }
-                true
             });
         }
     }
