@@ -208,6 +208,9 @@ impl Simd for Avx2 {
                 _mm256_blendv_pd(no[1], yes[1], _mm256_cmp_pd::<_CMP_LT_OQ>(a[1], b[1])),
             ]
         }
+        fn narrow_half(self, x: [__m256d; 2]) -> InRegister {
+            InRegister(_mm256_set_m128(_mm256_cvtpd_ps(x[1]), _mm256_cvtpd_ps(x[0])))
+        }
         fn le_half(self, a: [__m256d; 2], b: [__m256d; 2]) -> u32 {
             let low = _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(a[0], b[0]));
             let high = _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(a[1], b[1]));
@@ -227,7 +230,7 @@ impl Simd for Avx2 {
 
 /// Eight numbers in a register. Its existence proves AVX2, as a token does: only tokens make it.
 #[derive(Clone, Copy)]
-pub struct InRegister(__m256);
+pub struct InRegister(pub(super) __m256);
 
 macro_rules! operators {
     ($($trait:ident, $method:ident, $intrinsic:ident;)*) => {

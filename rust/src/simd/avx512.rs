@@ -170,6 +170,9 @@ impl Simd for Avx512 {
         fn choose_half(self, a: __m512d, b: __m512d, yes: __m512d, no: __m512d) -> __m512d {
             _mm512_mask_blend_pd(_mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, b), no, yes)
         }
+        fn narrow_half(self, x: __m512d) -> InRegister {
+            InRegister(_mm512_cvtpd_ps(x))
+        }
         fn le_half(self, a: __m512d, b: __m512d) -> u32 {
             u32::from(_mm512_cmp_pd_mask::<_CMP_LE_OQ>(a, b))
         }

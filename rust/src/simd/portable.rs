@@ -159,6 +159,10 @@ impl Simd for Portable {
         std::array::from_fn(|l| if a[l] < b[l] { yes[l] } else { no[l] })
     }
     #[inline(always)]
+    fn narrow_half(self, x: Doubles) -> Lanes {
+        Lanes(x.map(|x| x as f32))
+    }
+    #[inline(always)]
     fn le_half(self, a: Doubles, b: Doubles) -> u32 {
         let mut bits = 0;
         for l in 0..LANES {

@@ -75,6 +75,8 @@ pub trait Simd: Copy {
     fn mul_half(self, a: Self::D, b: Self::D) -> Self::D;
     /// Takes `yes` where a < b, else `no`.
     fn choose_half(self, a: Self::D, b: Self::D, yes: Self::D, no: Self::D) -> Self::D;
+    /// Converts to single precision.
+    fn narrow_half(self, x: Self::D) -> Self::Eight;
     /// The bits of the lanes where a ≤ b, the lowest for the first lane.
     fn le_half(self, a: Self::D, b: Self::D) -> u32;
     /// Adds x in the lanes of the mask.

@@ -225,17 +225,19 @@ impl Eye<'_> {
                 points[k][l] = p[k];
             }
         }
-        let scale = 1.0 / span.radius;
-        let mut block = [Lanes::all(0.0); 3];
+        let (x, y, z) = (simd.load_half(&points[0]), simd.load_half(&points[1]), simd.load_half(&points[2]));
+        let scale = simd.splat_half(1.0 / span.radius);
+        // operations on whole registers: the compiler would make scattered stores of loops over the lanes
+        let mut block = [simd.splat8(0.0); 3];
         for k in 0..3 {
             let row = self.rotation[k];
-            let shift = self.translation[k] - span.origin[k];
-            for l in 0..LANES {
-                let moved = row[0] * points[0][l] + row[1] * points[1][l] + row[2] * points[2][l];
-                block[k].0[l] = ((moved + shift) * scale) as f32;
-            }
+            let moved = simd.mul_half(simd.splat_half(row[0]), x);
+            let moved = simd.add_half(moved, simd.mul_half(simd.splat_half(row[1]), y));
+            let moved = simd.add_half(moved, simd.mul_half(simd.splat_half(row[2]), z));
+            let moved = simd.add_half(moved, simd.splat_half(self.translation[k] - span.origin[k]));
+            block[k] = simd.narrow_half(simd.mul_half(moved, scale));
         }
-        Three::load(simd, &block)
+        Three(block)
     }
 }
 
