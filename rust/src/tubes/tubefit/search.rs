@@ -142,9 +142,9 @@ fn find_cheapest<S: Simd>(
     to_camera: [f32; 3],
 ) -> (Lanes, Lanes) {
     let (p, to_camera) = (Three::all(simd, p), Three::all(simd, to_camera));
-    let (zero, one) = (simd.splat8(0.0), simd.splat8(1.0));
+    let (zero, worst) = (simd.splat8(0.0), simd.splat8(f32::MAX));
     let (reach, facing) = (simd.splat8(search.reach), simd.splat8(search.least_facing));
-    let (mut best, mut number) = (simd.splat8(f32::MAX), zero);
+    let (mut best, mut number) = (worst, zero);
     let mut i = 0.0;
     for block in blocks {
         let (r, tangent) = (simd.load8(&block.radius), Three::load(simd, &block.tangent));
@@ -155,9 +155,9 @@ fn find_cheapest<S: Simd>(
         let away = q.dot(to_camera).below(facing * d) * simd.splat8(2.0) * r;
         let cost = (d - r).abs() + away + (along.abs() - simd.splat8(0.3) * r).max(zero);
         let out = reach.below(x.dot(x)).max((simd.splat8(1.2) * r).not_above(cost));
-        let cheaper = cost.below(best) * (one - out);
-        best = cheaper.choose(cost, best);
-        number = cheaper.choose(simd.splat8(i), number);
+        let cost = out.choose(worst, cost);
+        number = cost.below(best).choose(simd.splat8(i), number);
+        best = cost.min(best);
         i += 1.0;
     }
     (best.store(), number.store())
