@@ -323,6 +323,25 @@ mod tests {
         }
     }
 
+    proptest! {
+        #[test]
+        fn places_near_a_grid_meet_its_points_within_any_reach(
+            points in cloud(),
+            center in prop::array::uniform3(-3.0f64..3.0),
+            radius in prop_oneof![Just(0.5), 0.01f64..3.0],
+            share in prop_oneof![Just(0.5), 0.0f64..2.0],
+        ) {
+            let grid = Grid::new(&points, radius);
+            let mut found = Vec::new();
+            grid.visit_near(center, share * radius, |position, point, squared| {
+                assert_eq!((point, squared), (grid.point(position), squared_distance(point, center)));
+                found.push(grid.input_index(position));
+            });
+            found.sort_unstable();
+            prop_assert_eq!(found, within(&points, center, share.min(1.0) * radius));
+        }
+    }
+
     #[test]
     fn many_coincident_points_are_no_trouble() {
         let points = vec![[0.25, -1.0, 3.0]; 5000];
