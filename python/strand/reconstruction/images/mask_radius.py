@@ -20,6 +20,7 @@ _MIN_SHARE = 0.5  # of the radius by another measure: the least radius that coun
 _MAX_SHARE = 1.5  # of the same: the largest
 _MAX_BY_AREA = 2.0  # of the radius by a mask's widths, which raggedness makes smaller: the largest
 _MIN_WIDER = 0.25  # pixels: masks that are wider on each side than ropes are high by less are not slimmed
+_MIN_CUT = 0.02  # of a mask: with less cut away it shows the same radius
 _ROUNDS = 2  # measurements of the mask, each by the radius that was known before
 _SAME = 0.1  # relative change of the radius: with less it has settled
 _OVER_WIDTHS = 1.12  # radius by area over the one by widths, about
@@ -45,7 +46,7 @@ def estimate_mask_radius(image: DepthImage) -> tuple[Array, Array]:
         pixels = (radius - least) * image.camera.focal[0] / image.distance
         if pixels > _MIN_WIDER:
             (slim,) = slim_fat_masks([image], table, None, _SEEN_HEIGHT * least)
-            if slim is not image:
+            if len(slim.mask_pixels) < (1.0 - _MIN_CUT) * len(image.mask_pixels):
                 radius, _ = estimate_radius_by_area(slim)
         radius = 0.5 * (radius + min(max(by_height, _MIN_SHARE * radius), _MAX_SHARE * radius))
     return np.array([radius]), np.array([_SD * radius])
