@@ -77,9 +77,12 @@ pub fn crop_images(views: &[DepthView], bounds: [Point; 2]) -> Vec<Vec<Point>> {
 
 kernel! {
     /// The points of some rows of a depth image that lie in a box of the world frame.
-    fn crop_band<S>(_, view: &DepthView, first_row: usize, depth: &[f64], bounds: [Point; 2]) -> Vec<Point> {
+    fn crop_band<S>(simd, view: &DepthView, first_row: usize, depth: &[f64], bounds: [Point; 2]) -> Vec<Point> {
         let DepthView { width, camera, pose, .. } = view;
         let [low, high] = bounds;
+        let numbers = simd.load_half(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        // products of subnormal numbers lose all their digits
+        let (share, least) = (simd.splat_half(ROUNDING), simd.splat_half(f64::MIN_POSITIVE));
         let mut points = Vec::new();
         for (row, depths) in depth.chunks_exact((*width).max(1)).enumerate() {
             let v = (first_row + row) as f64;
@@ -92,26 +95,32 @@ kernel! {
             let step: Point = std::array::from_fn(|k| (end[k] - start[k]) / *width as f64);
             let steepest = start.iter().chain(&end).fold(0.0, |most: f64, x| most.max(x.abs()));
             let farthest = pose.translation.amax();
-            for (part, depths) in depths.chunks(2 * LANES).enumerate() {
-                let first = (part * 2 * LANES) as f64;
-                let mut z = [0.0; 2 * LANES];
-                z[..depths.len()].copy_from_slice(depths);
-                let mut out = [false; 2 * LANES];
-                for l in 0..2 * LANES {
-                    // products of subnormal numbers lose all their digits
-                    let rounding = ROUNDING * (z[l] * steepest + farthest) + f64::MIN_POSITIVE;
-                    for k in 0..3 {
-                        let world = z[l] * (start[k] + (first + l as f64) * step[k]) + pose.translation[k];
-                        // NaN, where a ray is infinite, may be inside
-                        out[l] |= (world < low[k] - rounding) | (world > high[k] + rounding);
-                    }
-                    out[l] |= z[l] <= 0.0;
+            let (steepest, farthest) = (simd.splat_half(steepest), simd.splat_half(farthest));
+            for (part, depths) in depths.chunks(LANES).enumerate() {
+                let first = (part * LANES) as f64;
+                let mut z = [0.0; LANES];
+                match depths.first_chunk() {
+                    Some(whole) => z = *whole,
+                    None => z[..depths.len()].copy_from_slice(depths),
                 }
-                if out == [true; 2 * LANES] {
-                    continue;
+                let depths = simd.load_half(&z);
+                let columns = simd.add_half(simd.splat_half(first), numbers);
+                let rounding = simd.add_half(simd.mul_half(depths, steepest), farthest);
+                let rounding = simd.add_half(simd.mul_half(rounding, share), least);
+                // NaN, where a ray is infinite, may be inside
+                let mut out = !simd.lt_half(simd.splat_half(0.0), depths);
+                for k in 0..3 {
+                    let across = simd.mul_half(columns, simd.splat_half(step[k]));
+                    let ray = simd.add_half(simd.splat_half(start[k]), across);
+                    let world = simd.add_half(simd.mul_half(depths, ray), simd.splat_half(pose.translation[k]));
+                    out |= simd.lt_half(simd.add_half(world, rounding), simd.splat_half(low[k]));
+                    out |= simd.lt_half(simd.splat_half(high[k]), simd.sub_half(world, rounding));
                 }
-                for l in 0..2 * LANES {
-                    if !out[l] && has_return(z[l]) {
+                let mut left = !out & ((1 << LANES) - 1);
+                while left != 0 {
+                    let l = left.trailing_zeros() as usize % LANES;
+                    left &= left - 1;
+                    if has_return(z[l]) {
                         let point = camera.point(first + l as f64, v, z[l]);
                         if is_inside(pose.apply(point), [low, high]) {
                             points.push(point);

@@ -77,16 +77,16 @@ kernel! {
     fn find_near<S>(simd, axes: [&[f64]; 3], count: usize, center: Point, limit: f64) -> u64 {
         let [x, y, z] = axes.map(|axis| axis.as_chunks::<LANES>().0);
         let (center, limit) = (center.map(|c| simd.splat_half(c)), simd.splat_half(limit));
-        let mut near = 0;
+        let mut far = 0;
         for (block, ((x, y), z)) in x.iter().zip(y).zip(z).take(count.div_ceil(LANES)).enumerate() {
             let away = |axis, k: usize| {
                 let offset = simd.sub_half(simd.load_half(axis), center[k]);
                 simd.mul_half(offset, offset)
             };
             let squares = simd.add_half(simd.add_half(away(x, 0), away(y, 1)), away(z, 2));
-            near |= u64::from(simd.le_half(squares, limit)) << (block * LANES);
+            far |= u64::from(simd.lt_half(limit, squares)) << (block * LANES);
         }
-        near & (u64::MAX >> (COMPARED - count))
+        !far & (u64::MAX >> (COMPARED - count))
     }
 }
 

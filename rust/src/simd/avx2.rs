@@ -211,9 +211,9 @@ impl Simd for Avx2 {
         fn narrow_half(self, x: [__m256d; 2]) -> InRegister {
             InRegister(_mm256_set_m128(_mm256_cvtpd_ps(x[1]), _mm256_cvtpd_ps(x[0])))
         }
-        fn le_half(self, a: [__m256d; 2], b: [__m256d; 2]) -> u32 {
-            let low = _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(a[0], b[0]));
-            let high = _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(a[1], b[1]));
+        fn lt_half(self, a: [__m256d; 2], b: [__m256d; 2]) -> u32 {
+            let low = _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(a[0], b[0]));
+            let high = _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(a[1], b[1]));
             (low | (high << (LANES / 2))) as u32
         }
         fn add_half_if(self, mask: __m256, a: [__m256d; 2], x: [__m256d; 2]) -> [__m256d; 2] {

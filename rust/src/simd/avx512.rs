@@ -173,8 +173,8 @@ impl Simd for Avx512 {
         fn narrow_half(self, x: __m512d) -> InRegister {
             InRegister(_mm512_cvtpd_ps(x))
         }
-        fn le_half(self, a: __m512d, b: __m512d) -> u32 {
-            u32::from(_mm512_cmp_pd_mask::<_CMP_LE_OQ>(a, b))
+        fn lt_half(self, a: __m512d, b: __m512d) -> u32 {
+            u32::from(_mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, b))
         }
         fn add_half_if(self, mask: __mmask8, a: __m512d, x: __m512d) -> __m512d {
             _mm512_mask_add_pd(a, mask, a, x)

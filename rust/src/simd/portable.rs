@@ -163,10 +163,10 @@ impl Simd for Portable {
         Lanes(x.map(|x| x as f32))
     }
     #[inline(always)]
-    fn le_half(self, a: Doubles, b: Doubles) -> u32 {
+    fn lt_half(self, a: Doubles, b: Doubles) -> u32 {
         let mut bits = 0;
         for l in 0..LANES {
-            bits |= u32::from(a[l] <= b[l]) << l;
+            bits |= u32::from(a[l] < b[l]) << l;
         }
         bits
     }

@@ -3,7 +3,8 @@
 use super::eight::Eight;
 use super::lanes::{BATCH, Doubles, LANES, Lanes, Singles, Whole};
 
-/// A token for an instruction set, and its operations. No number may be NaN, except in an [`Eight`].
+/// A token for an instruction set, and its operations. No number may be NaN, except in an [`Eight`] and a half
+/// batch.
 pub trait Simd: Copy {
     /// Eight single-precision numbers with operators.
     type Eight: Eight;
@@ -77,8 +78,8 @@ pub trait Simd: Copy {
     fn choose_half(self, a: Self::D, b: Self::D, yes: Self::D, no: Self::D) -> Self::D;
     /// Converts to single precision.
     fn narrow_half(self, x: Self::D) -> Self::Eight;
-    /// The bits of the lanes where a ≤ b, the lowest for the first lane.
-    fn le_half(self, a: Self::D, b: Self::D) -> u32;
+    /// The bits of the lanes where a < b, the lowest for the first lane; not where one is NaN.
+    fn lt_half(self, a: Self::D, b: Self::D) -> u32;
     /// Adds x in the lanes of the mask.
     fn add_half_if(self, mask: Self::H, a: Self::D, x: Self::D) -> Self::D;
 }
