@@ -19,7 +19,7 @@ CALLS = {
     "icp": "strand.icp(many, moved, 0.05, max_iterations=10**6, tolerance=0)",
     "centerline": "strand.centerline(many, up, 0.3, 3)",
     "trace_chains": "strand.trace_chains(many, 0.001, 1.0)",
-    "trace_tubes": "strand.trace_tubes(crowd, (0.0, 0.0, 9.0), 0.2)",
+    "trace_tubes": "strand.trace_tubes(many, (0.0, 0.0, 9.0), 0.3)",
     "count_typical_neighbors": "[_core.count_typical_neighbors(crowd, 1.0) for _ in range(10**6)]",
     "find_overlaps": "_core.find_overlaps(crowd, number, arc, 0.0, 0.0)",
     "occludes": "_core.occludes(away, crowd, (0.0, 0.0, -9.0), 0.0)",
