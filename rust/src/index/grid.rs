@@ -76,14 +76,16 @@ kernel! {
     /// square. Each axis has whole registers of numbers.
     fn find_near<S>(simd, axes: [&[f64]; 3], count: usize, center: Point, limit: f64) -> u64 {
         let [x, y, z] = axes.map(|axis| axis.as_chunks::<LANES>().0);
-        let (center, limit) = (center.map(|c| simd.splat_half(c)), simd.splat_half(limit));
+        let [center_x, center_y, center_z] = center;
+        let (center_x, center_y) = (simd.splat_half(center_x), simd.splat_half(center_y));
+        let (center_z, limit) = (simd.splat_half(center_z), simd.splat_half(limit));
         let mut far = 0;
         for (block, ((x, y), z)) in x.iter().zip(y).zip(z).take(count.div_ceil(LANES)).enumerate() {
-            let away = |axis, k: usize| {
-                let offset = simd.sub_half(simd.load_half(axis), center[k]);
-                simd.mul_half(offset, offset)
-            };
-            let squares = simd.add_half(simd.add_half(away(x, 0), away(y, 1)), away(z, 2));
+            let x = simd.sub_half(simd.load_half(x), center_x);
+            let y = simd.sub_half(simd.load_half(y), center_y);
+            let z = simd.sub_half(simd.load_half(z), center_z);
+            let squares = simd.add_half(simd.mul_half(x, x), simd.mul_half(y, y));
+            let squares = simd.add_half(squares, simd.mul_half(z, z));
             far |= u64::from(simd.lt_half(limit, squares)) << (block * LANES);
         }
         !far & (u64::MAX >> (COMPARED - count))

@@ -63,9 +63,10 @@ pub(super) fn released_if_many<T: Send + 'static>(
     if things > FEW_ITEMS { released(py, work) } else { guarded(work) }
 }
 
-/// Runs `work` as [`released`] does; on Python's main thread at once and alone if it is shorter than handing it over.
+/// Runs `work` as [`released`] does; at once if it is shorter than handing it over, on Python's main thread alone.
 ///
-/// `nanoseconds` is about how long it takes on one thread.
+/// `nanoseconds` is about how long it takes on one thread. Other threads may be many, and each that works alone keeps a
+/// pool.
 ///
 /// # Errors
 /// As [`released`].
@@ -74,10 +75,13 @@ pub(super) fn released_if_long<T: Send + 'static>(
     nanoseconds: usize,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> PyResult<T> {
-    if nanoseconds < HANDING_OVER && is_main_thread(py)? {
-        return guarded(|| parallel::alone(work));
+    if nanoseconds >= HANDING_OVER {
+        return released(py, work);
     }
-    released(py, work)
+    match is_main_thread(py)? {
+        true => guarded(|| parallel::alone(work)),
+        false => guarded(work),
+    }
 }
 
 /// Runs `work` at once.

@@ -101,7 +101,8 @@ kernel! {
             let other = |l: usize| if l == 3 { own[l] } else { f64::from(a[l]) - 0.5 };
             let eight = simd.load_half(&std::array::from_fn(other));
             let chosen = simd.choose_half(eight, sums, simd.add_half(eight, sums), sums);
-            results.push(vec![simd.lt_half(eight, sums)]);
+            let none = simd.splat_half(f64::NAN);
+            results.push(vec![simd.lt_half(eight, sums), simd.lt_half(eight, none), simd.lt_half(none, eight)]);
             results.push(bits(&simd.narrow_half(chosen).store().0));
             let sums = simd.store_half(chosen);
             results.push(sums.iter().flat_map(|x| [x.to_bits() as u32, (x.to_bits() >> 32) as u32]).collect());
