@@ -11,9 +11,7 @@ use crate::error::{Error, Result};
 use crate::geometry::{Point, RigidMotion, dot, sub};
 use crate::parallel;
 pub use options::IcpOptions;
-use pairing::{Pairing, Pairs, find_width};
-
-const MAX_GROWTH: usize = 4; // times as many points: then their spacing is measured again
+use pairing::{Pairing, Pairs};
 
 /// The sum that registration minimises.
 #[derive(Debug, Clone, Copy)]
@@ -80,14 +78,6 @@ pub fn icp(
     objective: Objective,
     options: &IcpOptions,
 ) -> Result<IcpResult> {
-    check(source, target, objective, options)?;
-    Ok(parallel::run(|| {
-        iterate(&mut Pairing::new(source, target, find_width(target), options), objective, options)
-    }))
-}
-
-/// Checks what callers pass.
-fn check(source: &[Point], target: &[Point], objective: Objective, options: &IcpOptions) -> Result<()> {
     check_finite("source", source)?;
     check_finite("target", target)?;
     check_positive("max_correspondence_distance", options.max_correspondence_distance)?;
@@ -106,7 +96,10 @@ fn check(source: &[Point], target: &[Point], objective: Objective, options: &Icp
             return Err(Error::not_enough(name, "expected at least one point, got none"));
         }
     }
-    Ok(())
+    Ok(parallel::run(|| {
+        let mut pairing = Pairing::new(source, target, options);
+        iterate(&mut pairing, objective, options)
+    }))
 }
 
 /// Registers clouds one after the other (eq. 15).
@@ -121,16 +114,8 @@ pub fn register_in_turn(clouds: &[&[Point]], options: &IcpOptions) -> Result<Vec
     parallel::run(|| {
         let mut target = first.to_vec();
         let mut results = Vec::with_capacity(others.len());
-        let (mut measured, mut width) = (0, 0.0);
         for &cloud in others {
-            check(cloud, &target, Objective::PointToPoint, options)?;
-            if target.len() > MAX_GROWTH * measured {
-                (measured, width) = (target.len(), find_width(&target));
-            }
-            // the clouds show one surface, on which points come to lie more densely
-            let width = width * (measured as f64 / target.len() as f64).sqrt();
-            let mut pairing = Pairing::new(cloud, &target, width, options);
-            let result = iterate(&mut pairing, Objective::PointToPoint, options);
+            let result = icp(cloud, &target, Objective::PointToPoint, options)?;
             target.extend(cloud.iter().map(|&p| result.transformation.apply(p)));
             results.push(result);
         }

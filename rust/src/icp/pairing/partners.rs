@@ -78,11 +78,6 @@ impl Batch {
     }
 }
 
-/// Finds the width of a target's cells with which searches are fast.
-pub fn find_width(target: &[Point]) -> f64 {
-    reach_of(target, NEAR)
-}
-
 /// Two clouds and their pairs.
 pub struct Pairing {
     pub cells: Cells,
@@ -107,9 +102,9 @@ pub struct Pairing {
 }
 
 impl Pairing {
-    /// Sorts two clouds with points; `width` is that of the target's cells.
-    pub fn new(source: &[Point], target: &[Point], width: f64, options: &IcpOptions) -> Self {
-        let cells = Cells::new(target, width);
+    /// Sorts two clouds with points.
+    pub fn new(source: &[Point], target: &[Point], options: &IcpOptions) -> Self {
+        let cells = Cells::new(target, reach_of(target, NEAR));
         let sorted = cells.sorted();
         let near_each_other = halve(source);
         let batch = |indices: &[u32]| {
