@@ -55,7 +55,7 @@ const VALUES_PER_TASK: usize = 1 << 16; // values of an image that one task work
 const MIN_ROWS_PER_TASK: usize = 32;
 
 thread_local! {
-    /// Whether nobody waits for this thread's pool any more; only threads of pools have it.
+    /// Whether nobody waits for this thread's pool any more; threads of pools have it, and those that worked alone.
     static GIVEN_UP: OnceCell<Arc<AtomicBool>> = const { OnceCell::new() };
     /// Whether work on this thread stays in its pool.
     static IN_POOL: Cell<bool> = const { Cell::new(false) };

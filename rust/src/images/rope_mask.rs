@@ -5,11 +5,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::bits::Bits;
 use super::strokes::{Filled, Strokes, find_scale_of_widths, measure_shown_radius};
 
+const NANOSECONDS: usize = 40; // that a pixel of a mask takes; one beside it takes about one
+
 /// A mask, and its strands as they were traced last: radii that fill the same holes have the same strands.
 pub struct RopeMask {
     mask: Bits,
-    /// The number of its pixels.
-    pub pixels: usize,
+    /// The number of its pixels, and of those in the box around it.
+    pixels: [usize; 2],
     traced: Mutex<Option<(Bits, Arc<Strokes>)>>,
 }
 
@@ -17,8 +19,16 @@ impl RopeMask {
     /// Takes the mask of an image of `width` columns.
     pub fn new(mask: &[bool], width: usize) -> Self {
         let mask = Bits::pack(mask, width);
-        let pixels = mask.words.iter().map(|word| word.count_ones() as usize).sum();
+        let own = mask.words.iter().map(|word| word.count_ones() as usize).sum();
+        let around = mask.find_bounds().map_or(0, |[rows, columns]| rows.len() * columns.len());
+        let pixels = [own, around];
         Self { mask, pixels, traced: Mutex::new(None) }
+    }
+
+    /// Estimates how long it takes to measure the ropes' radius, nanoseconds.
+    pub fn estimate_nanoseconds(&self) -> usize {
+        let [own, around] = self.pixels;
+        NANOSECONDS * own + around
     }
 
     /// Fills the mask for ropes of a radius, pixels, and magnifies it; None if it is empty without specks.

@@ -232,6 +232,9 @@ impl Grid {
     /// Calls `visit` with each point within a reach of any place, or the radius if that is less, as
     /// [`Grid::visit_around`] does.
     pub fn visit_near(&self, center: Point, reach: f64, visit: impl FnMut(usize, Point, f64)) {
+        if center.iter().any(|x| x.is_nan()) {
+            return;
+        }
         let cells = |k: usize| (center[k] - self.low[k]) * self.inverse_cell;
         let (few, many);
         let runs = if self.wide {

@@ -21,8 +21,8 @@ pub(super) fn count_typical_neighbors(
     radius: f64,
 ) -> PyResult<usize> {
     let points = Points::new("points", points, "(N, 3)")?;
-    let cost = 20 * points.len();
-    Ok(released_if_long(py, cost, move || density::typical_neighbors(&points, radius))??)
+    let nanoseconds = 20 * points.len();
+    Ok(released_if_long(py, nanoseconds, move || density::typical_neighbors(&points, radius))??)
 }
 
 /// Count the voxels that hold points of some clouds; `side` is the edge of a voxel, metres.
@@ -42,8 +42,8 @@ pub(super) fn find_squared_distances<'py>(
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let points = Points::new("points", points, "(N, 3)")?;
     let others = Points::new("others", others, "(M, 3)")?;
-    let cost = 40 * (points.len() + others.len());
-    list(py, released_if_long(py, cost, move || proximity::squared_distances(&points, &others))??)
+    let nanoseconds = 40 * (points.len() + others.len());
+    list(py, released_if_long(py, nanoseconds, move || proximity::squared_distances(&points, &others))??)
 }
 
 /// Return the number of the nearest of others to each point, the first among equals; -1 if there are none.
@@ -55,8 +55,8 @@ pub(super) fn find_nearest<'py>(
 ) -> PyResult<Bound<'py, PyArray1<i64>>> {
     let points = Points::new("points", points, "(N, 3)")?;
     let others = Points::new("others", others, "(M, 3)")?;
-    let cost = 40 * (points.len() + others.len());
-    let found = released_if_long(py, cost, move || proximity::nearest(&points, &others))??;
+    let nanoseconds = 40 * (points.len() + others.len());
+    let found = released_if_long(py, nanoseconds, move || proximity::nearest(&points, &others))??;
     list(py, found.into_iter().map(|number| number.map_or(-1, |number| number as i64)).collect())
 }
 
@@ -108,9 +108,11 @@ pub(super) fn measure_variances<'py>(
 ) -> PyResult<PointsArray<'py>> {
     let points = Points::new("points", points, "(N, 3)")?;
     let places = Points::new("places", places, "(M, 3)")?;
-    let cost = 16 * points.len() + 200 * places.len();
+    let nanoseconds = 16 * points.len() + 200 * places.len();
     points_array(
         py,
-        released_if_long(py, cost, move || density::variances_around(&points, &places, reach, fewest))??,
+        released_if_long(py, nanoseconds, move || {
+            density::variances_around(&points, &places, reach, fewest)
+        })??,
     )
 }

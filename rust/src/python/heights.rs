@@ -85,7 +85,8 @@ pub(super) fn find_standing<'py>(
     }
     // entries farther out than the image is wide lie beyond the border
     kernel.truncate(width.max(height));
-    let found = released_if_long(py, 3 * width * height, move || {
+    let nanoseconds = (2 + kernel.len() / 4).saturating_mul(width * height);
+    let found = released_if_long(py, nanoseconds, move || {
         let limits = Standing { smoothing: Smoothing { range, kernel: &kernel, share }, edge };
         heights::find_standing(above.slice(), counts.slice(), width, &limits)
     })?;
@@ -136,8 +137,9 @@ pub(super) fn find_plane<'py>(
     let compared = Points::new("compared", compared, "(M, 3)")?;
     let corners = Points::new("corners", corners, "(3 K, 3)")?;
     let search = PlaneSearch { width, least, share, rounds: rounds.min(MAX_ROUNDS), fewest, adaptive };
-    let cost = corners.len() * compared.len() / 4 + 4 * search.rounds * points.len();
-    let found = released_if_long(py, cost, move || find(&points, &compared, corners.as_chunks().0, &search))?;
+    let nanoseconds = corners.len() * compared.len() / 4 + 4 * search.rounds * points.len();
+    let found =
+        released_if_long(py, nanoseconds, move || find(&points, &compared, corners.as_chunks().0, &search))?;
     found.map(|plane| Ok((list(py, plane.normal.to_vec())?, plane.offset, plane.share))).transpose()
 }
 

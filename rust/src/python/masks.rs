@@ -83,7 +83,7 @@ pub(super) fn number_blobs<'py>(
     let mask = Array::mask("mask", mask)?;
     let [height, width] = mask.image_shape("mask")?;
     let image = Image { width, height, values: mask.into_values() };
-    let found = released_if_long(py, height * width / 3, move || {
+    let found = released_if_long(py, height * width, move || {
         let mut numbers = vec![0i64; width * height];
         for run in find_blobs(&image, true, true).runs {
             numbers[run.row * width..][run.begin..run.end].fill(run.blob as i64 + 1);
@@ -121,7 +121,7 @@ pub(super) fn select_beside<'py>(
         return Err(wrong_shape("mask", &format!("({height}, {width})"), mask.shape()));
     }
     check_positive("count", count)?;
-    let found = released_if_long(py, height * width / 4, move || {
+    let found = released_if_long(py, height * width / 2, move || {
         beside::select_beside(&Bits::pack(mask.slice(), width), depth.slice(), reach, margin, count)
     })?;
     Ok((list(py, found.rows)?, list(py, found.columns)?, list(py, found.depths)?))
@@ -145,7 +145,7 @@ pub(super) fn find_pieces_beside<'py>(
     if chosen.shape() != [height, width] {
         return Err(wrong_shape("chosen", &format!("({height}, {width})"), chosen.shape()));
     }
-    let found = released_if_long(py, height * width / 2, move || {
+    let found = released_if_long(py, 2 * height * width, move || {
         let [chosen, mask] = [chosen.slice(), mask.slice()].map(|values| Bits::pack(values, width));
         let size = |pixels: usize| limits[0] < pixels as f64 / unit && (pixels as f64 / unit) < limits[1];
         beside::find_pieces(&chosen, &mask, reach.min((width + height) as f64), size, margin)
@@ -192,7 +192,8 @@ pub(super) fn measure_edge_distances<'py>(
     let [height, width] = mask.image_shape("mask")?;
     let image = Image { width, height, values: mask.into_values() };
     let most = most.min(width + height);
-    let found = released_if_long(py, height * width, move || measure_distances(&image, true, most).values)?;
+    let found =
+        released_if_long(py, 2 * height * width, move || measure_distances(&image, true, most).values)?;
     array(py, found, [height, width])
 }
 
@@ -242,8 +243,8 @@ pub(super) fn find_short_outlines<'py>(
         return Err(PyValueError::new_err(format!("steps: expected at most {MAX_STEPS}, got {steps}")));
     }
     let evidence = Image { width, height, values: evidence.into_values() };
-    let cost = (width * height).saturating_mul(steps * weights.len()) / 4;
-    let found = released_if_long(py, cost, move || {
+    let nanoseconds = (width * height).saturating_mul((steps + 1) * weights.len()) / 4;
+    let found = released_if_long(py, nanoseconds, move || {
         parallel::map(&weights, |&weight| outline::find_short_outline(&evidence, weight, steps).values)
     })?;
     found.into_iter().map(|mask| array(py, mask, [height, width])).collect()
@@ -270,7 +271,7 @@ impl RopeMask {
     /// Estimate the ropes' radius in the image from the widths of the mask, pixels; None if it shows no rope.
     fn estimate_radius(&self, py: Python<'_>) -> PyResult<Option<f64>> {
         let mask = self.0.clone();
-        released_if_long(py, 50 * mask.pixels, move || mask.estimate_radius())
+        released_if_long(py, mask.estimate_nanoseconds(), move || mask.estimate_radius())
     }
 
     /// Measure the radius of the ropes by the area of single strands, pixels, and their middles, columns and rows; None
@@ -282,8 +283,9 @@ impl RopeMask {
     ) -> PyResult<Option<(f64, Vec<Strand<'py>>)>> {
         check_positive("radius_px", radius_px)?;
         let mask = self.0.clone();
-        let found =
-            released_if_long(py, 50 * mask.pixels, move || readings::measure_strands(&mask, radius_px))?;
+        let found = released_if_long(py, mask.estimate_nanoseconds(), move || {
+            readings::measure_strands(&mask, radius_px)
+        })?;
         let Some((radius, strands)) = found else { return Ok(None) };
         let strands = strands
             .into_iter()

@@ -16,7 +16,7 @@ use crate::parallel::{self, Caller};
 const PATIENCE: Duration = Duration::from_millis(50); // longest time that a signal waits for its handler
 const FEW_ITEMS: usize = 20_000; // items whose work takes less time than that
 pub(super) const CHEAP: usize = 16; // points that count as one item, where each takes some nanoseconds
-const HANDING_OVER: usize = 200_000; // shorter work takes less time than other threads take to begin it, nanoseconds
+const HANDING_OVER: usize = 200_000; // work for which waking other threads pays, nanoseconds at least
 
 /// The place of the last panic.
 static PLACE: Mutex<String> = Mutex::new(String::new());
@@ -63,10 +63,10 @@ pub(super) fn released_if_many<T: Send + 'static>(
     if things > FEW_ITEMS { released(py, work) } else { guarded(work) }
 }
 
-/// Runs `work` as [`released`] does; at once if it is shorter than handing it over, on Python's main thread alone.
+/// Runs `work` as [`released`] does; at once if it is shorter than handing it over.
 ///
-/// `nanoseconds` is about how long it takes on one thread. Other threads may be many, and each that works alone keeps a
-/// pool.
+/// `nanoseconds` is about how long it takes on one thread. Python's main thread works alone and keeps the GIL. Other
+/// threads may be many, so they make no pools of their own: they release the GIL and share the pool.
 ///
 /// # Errors
 /// As [`released`].
@@ -80,7 +80,7 @@ pub(super) fn released_if_long<T: Send + 'static>(
     }
     match is_main_thread(py)? {
         true => guarded(|| parallel::alone(work)),
-        false => guarded(work),
+        false => py.detach(|| catch_unwind(AssertUnwindSafe(work))).map_err(internal),
     }
 }
 

@@ -175,6 +175,25 @@ def test_python_goes_on_while_a_kernel_works():
     assert taken >= 5
 
 
+@pytest.mark.parametrize("kernel", [count_neighbors, strand.radius_outlier_mask])
+def test_python_goes_on_while_a_short_call_waits_for_a_long_one(kernel):
+    many = np.random.default_rng(0).uniform(size=(60_000, 3))
+    few = many[:300]
+    wanted = (1.0,) if kernel is count_neighbors else (1.0, 3)
+    long = threading.Thread(target=count_neighbors, args=(many, 1.0))
+    short = threading.Thread(target=kernel, args=(few, *wanted))
+    long.start()
+    time.sleep(0.05)
+    short.start()
+    steps = 0
+    while long.is_alive():
+        time.sleep(0.001)
+        steps += 1
+    short.join()
+    # with the interpreter locked while it waits, hardly any step could be taken
+    assert steps >= 50
+
+
 def forked_answers(queue):
     queue.put([list_arrays(call_kernel(kernel)) for kernel in CALLS])
 
