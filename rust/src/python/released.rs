@@ -1,6 +1,7 @@
 //! Work without the GIL. Ctrl-C ends it, and panics become errors.
 
 use std::any::Any;
+use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -17,6 +18,11 @@ const PATIENCE: Duration = Duration::from_millis(50); // longest time that a sig
 const FEW_ITEMS: usize = 20_000; // items whose work takes less time than that
 pub(super) const CHEAP: usize = 16; // points that count as one item, where each takes some nanoseconds
 const HANDING_OVER: usize = 200_000; // work for which waking other threads pays, nanoseconds at least
+
+thread_local! {
+    /// Whether the thread is Python's main one, in a process. After a fork it may be another.
+    static IS_MAIN: Cell<Option<(u32, bool)>> = const { Cell::new(None) };
+}
 
 /// The place of the last panic.
 static PLACE: Mutex<String> = Mutex::new(String::new());
@@ -117,9 +123,17 @@ fn internal(panic: Box<dyn Any + Send>) -> PyErr {
 
 /// Returns whether the calling thread is the one that runs signal handlers.
 fn is_main_thread(py: Python<'_>) -> PyResult<bool> {
+    let process = std::process::id();
+    if let Some((own, known)) = IS_MAIN.get()
+        && own == process
+    {
+        return Ok(known);
+    }
     let threading = py.import(intern!(py, "threading"))?;
     let main = called_method(&threading, "main_thread", ())?;
     // a property in Python
     let ident = called_method(&main, "__getattribute__", ("ident",))?;
-    threading.call_method0(intern!(py, "get_ident"))?.eq(ident)
+    let found = threading.call_method0(intern!(py, "get_ident"))?.eq(ident)?;
+    IS_MAIN.set(Some((process, found)));
+    Ok(found)
 }
