@@ -1,5 +1,6 @@
 //! The middles of a mask's strips: where the distance from the edge is largest.
 
+use crate::images::bits::Bits;
 use crate::images::distances::measure_distances;
 use crate::images::image::{Image, find_blobs};
 
@@ -17,23 +18,28 @@ pub struct Middle {
 /// Returns the pixels of a mask that are at least as far from its edge as their neighbours, and farther than `least`
 /// pixels, row by row within each run. Beyond the border counts as mask.
 pub fn find_middles(mask: &[bool], width: usize, least: f32) -> Vec<Middle> {
-    let height = mask.len() / width.max(1);
-    let rows: Vec<usize> =
-        (0..height).filter(|&y| mask[y * width..(y + 1) * width].contains(&true)).collect();
-    let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return Vec::new() };
-    let top = first.saturating_sub(1);
-    let high = (last + 2).min(height) - top;
+    let Some([columns, rows]) = Bits::pack(mask, width).find_bounds() else { return Vec::new() };
     // what is outside in this part is the nearest outside
-    let part = Image { width, height: high, values: mask[top * width..(top + high) * width].to_vec() };
-    let away = measure_distances(&part, true, width + height);
+    let [(left, right), (top, bottom)] = [(columns, width), (rows, mask.len() / width)]
+        .map(|(own, size)| (own.start.saturating_sub(1), (own.end + 1).min(size)));
+    let values = (top..bottom).flat_map(|row| &mask[row * width..][left..right]).copied().collect();
+    let part = Image { width: right - left, height: bottom - top, values };
+    let away = measure_distances(&part, true, part.width + part.height);
     let mut found = Vec::new();
+    let mut largest = vec![0.0f32; part.width];
     for run in find_blobs(&part, true, true).runs {
-        let near = run.row.saturating_sub(1)..(run.row + 2).min(high);
+        let beside = run.begin.saturating_sub(1)..(run.end + 1).min(part.width);
+        largest[beside.clone()].fill(0.0);
+        for y in run.row.saturating_sub(1)..(run.row + 2).min(part.height) {
+            let row = &away.values[y * part.width..][beside.clone()];
+            largest[beside.clone()].iter_mut().zip(row).for_each(|(most, &away)| *most = most.max(away));
+        }
         for x in run.begin..run.end {
             let own = away.at(x, run.row);
-            let beside = x.saturating_sub(1)..(x + 2).min(width);
-            if own > least && near.clone().all(|y| beside.clone().all(|x| away.at(x, y) <= own)) {
-                found.push(Middle { pixel: (top + run.row) * width + x, away: own, blob: run.blob });
+            let near = &largest[x.saturating_sub(1)..(x + 2).min(part.width)];
+            if own > least && near.iter().all(|&most| most <= own) {
+                let pixel = (top + run.row) * width + left + x;
+                found.push(Middle { pixel, away: own, blob: run.blob });
             }
         }
     }
@@ -67,5 +73,42 @@ mod tests {
         assert!(find_middles(&mask, width, 3.0).is_empty());
         assert!(find_middles(&vec![false; 1200], width, 1.5).is_empty());
         assert!(find_middles(&[], 0, 1.5).is_empty());
+    }
+
+    #[test]
+    fn middles_are_the_pixels_that_no_neighbor_exceeds() {
+        let (width, height) = (70, 50);
+        let mut state = 3u64;
+        for _ in 0..20 {
+            let mut mask = vec![false; width * height];
+            // rectangles, some of them at the border
+            for _ in 0..6 {
+                let mut draw = |most: usize| {
+                    state =
+                        state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                    (state >> 33) as usize % most
+                };
+                let (left, top, wide, high) = (draw(width), draw(height), 1 + draw(30), 1 + draw(12));
+                for y in top..(top + high).min(height) {
+                    mask[y * width + left..y * width + (left + wide).min(width)].fill(true);
+                }
+            }
+            let image = Image { width, height, values: mask.clone() };
+            let away = measure_distances(&image, true, width + height);
+            let blobs = find_blobs(&image, true, true);
+            let mut expected = Vec::new();
+            for run in &blobs.runs {
+                for x in run.begin..run.end {
+                    let own = away.at(x, run.row);
+                    let mut near = (run.row.saturating_sub(1)..(run.row + 2).min(height))
+                        .flat_map(|y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| (x, y)));
+                    if own > 1.5 && near.all(|(x, y)| away.at(x, y) <= own) {
+                        expected.push(Middle { pixel: run.row * width + x, away: own, blob: run.blob });
+                    }
+                }
+            }
+            assert!(!expected.is_empty());
+            assert_eq!(find_middles(&mask, width, 1.5), expected);
+        }
     }
 }

@@ -3,6 +3,8 @@
 use crate::geometry::cut_off;
 pub use crate::geometry::polyline::{resampled, smoothed};
 
+const SLACK: f64 = 1e-9; // share by which segments that meet may seem too far apart, by rounding
+
 /// Column and row, pixels.
 pub type Place = [f64; 2];
 
@@ -103,7 +105,21 @@ pub fn nearest(p: &[Place], q: &[Place], within: f64) -> Option<f64> {
 
 /// Returns whether two polylines cross.
 pub fn cross(p: &[Place], q: &[Place]) -> bool {
-    p.windows(2).any(|s| q.windows(2).any(|t| cross_segments(s[0], s[1], t[0], t[1]).is_some()))
+    // segments that meet begin no farther apart than they are long
+    let longest = find_longest_step(q).max(1e-9);
+    let inverse = 1.0 / longest;
+    p.windows(2).any(|s| {
+        let reach = (1.0 + SLACK) * (distance(s[0], s[1]) + longest);
+        let mut j = 0;
+        while j + 1 < q.len() {
+            let away = distance(s[0], q[j]);
+            if away <= reach && cross_segments(s[0], s[1], q[j], q[j + 1]).is_some() {
+                return true;
+            }
+            j += (cut_off((away - reach) * inverse) as usize).max(1);
+        }
+        false
+    })
 }
 
 /// Returns where two segments cross, as shares of each; None if they do not.

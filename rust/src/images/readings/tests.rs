@@ -105,6 +105,35 @@ fn thinning_keeps_connections_and_holes() {
     assert!(most_parts > 3 && most_holes > 3, "{most_parts}, {most_holes}");
 }
 
+/// Returns a random polyline of `n` nodes, whose steps are up to `step` pixels long.
+fn wander(n: usize, step: f64, state: &mut u64) -> Vec<Place> {
+    let mut draw = || {
+        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (*state >> 33) as f64 / f64::from(1u32 << 31) - 0.5
+    };
+    let mut at = [9.0 * draw(), 9.0 * draw()];
+    let mut nodes = vec![at];
+    for _ in 1..n {
+        at = at.map(|x| x + 1.4 * step * draw());
+        nodes.push(at);
+    }
+    nodes
+}
+
+#[test]
+fn polylines_cross_where_two_of_their_segments_do() {
+    let (mut state, mut crossing) = (5, 0);
+    for k in 0..400 {
+        let p = wander(1 + k % 30, 2.0, &mut state);
+        let q = wander(1 + k % 23, [0.0, 0.3, 4.0][k % 3], &mut state);
+        let meet = |s: &[Place], t: &[Place]| planar::cross_segments(s[0], s[1], t[0], t[1]).is_some();
+        let expected = p.windows(2).any(|s| q.windows(2).any(|t| meet(s, t)));
+        assert_eq!(planar::cross(&p, &q), expected, "{k}");
+        crossing += usize::from(expected);
+    }
+    assert!((20..380).contains(&crossing), "{crossing}");
+}
+
 #[test]
 fn polylines_have_their_lengths_bends_and_crossings() {
     let quarter: Vec<Place> = (0..=200)
