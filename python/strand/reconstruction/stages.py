@@ -162,8 +162,10 @@ class SoughtTable(NamedTuple):
     def holds_for(self, image: DepthImage, radius: float) -> bool:
         """Tell whether the table beside ropes of a radius, metres, is the same in another image."""
         own = self.image
-        same = image.depth is own.depth and image.pose is own.pose and radius == self.radius
-        return same and (image.mask is own.mask or bool(np.array_equal(image.mask, own.mask)))
+        if image.depth is not own.depth or radius != self.radius:
+            return False
+        pairs = ((image.pose, own.pose), (image.mask, own.mask))
+        return all(one is other or np.array_equal(one, other) for one, other in pairs)
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,7 +47,11 @@ def doubt_given_radius(observed: Observed, found: Found) -> list[Doubt]:
     pixels = float(abs(1.0 - width) * radius * images[0].camera.focal[0] / images[0].distance)
     if width < _NARROW and pixels < _MIN_NARROWER:
         return []
-    table = find_table_beside_ropes(images[0], radius)
+    sought = found.sought
+    if sought is not None and sought.holds_for(images[0], radius):
+        table = sought.table
+    else:
+        table = find_table_beside_ropes(images[0], radius)
     height = None if table is None else measure_height(images[0], found.chains, table, radius)
     if width < _NARROW:
         if height is not None and _LOW < height < _HIGH:
