@@ -46,14 +46,15 @@ pub fn median_of_many<I: Iterator<Item = f64>>(list: impl Fn() -> I) -> Option<f
     sample.sort_unstable_by(f64::total_cmp);
     let middle = sample.len() / 2;
     let (low, high) = (sample[middle - SPAN], sample[middle + SPAN]);
-    let mut below = 0;
-    let mut near = Vec::new();
+    let (mut below, mut within) = (0, 0);
+    // a branch for each value would often be mispredicted
+    let mut near = vec![0.0; count];
     for value in list() {
         below += usize::from(value < low);
-        if value >= low && value <= high {
-            near.push(value);
-        }
+        near[within] = value;
+        within += usize::from(value >= low && value <= high);
     }
+    near.truncate(within);
     // both middle values of an even number must be among these
     let Some(half) = (count / 2).checked_sub(below).filter(|&half| half > 0 && half < near.len()) else {
         return median(list().collect());

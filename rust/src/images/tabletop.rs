@@ -30,14 +30,17 @@ pub fn find_tabletop(
     let kernel = smoothing_kernel(SMOOTHING);
     let smoothing = Smoothing { range: [-MAX_HEIGHT, MAX_HEIGHT], kernel: &kernel, share: MIN_SEEN };
     let smooth = smoothed(&relative, &counts, seen.width, &smoothing);
-    let low = || {
-        let rows = smooth.chunks(seen.width).zip(counts.chunks(seen.width)).step_by(EACH);
-        let pixels = rows.flat_map(|(smooth, counts)| smooth.iter().zip(counts));
-        pixels
-            .map(|(height, counts)| (f64::from(height.abs()), counts))
-            .filter_map(|(size, &counts)| (counts && size < TABLE_HEIGHT).then_some(size))
-    };
-    let scatter = MEDIAN_TO_SD * median_of_many(low).unwrap_or(0.0);
+    let mut low = Vec::with_capacity(smooth.len() / EACH);
+    let rows = smooth.chunks(seen.width).zip(counts.chunks(seen.width)).step_by(EACH);
+    for (smooth, counts) in rows {
+        for (height, counts) in smooth.iter().zip(counts) {
+            let size = f64::from(height.abs());
+            if *counts && size < TABLE_HEIGHT {
+                low.push(size);
+            }
+        }
+    }
+    let scatter = MEDIAN_TO_SD * median_of_many(|| low.iter().copied()).unwrap_or(0.0);
     let least = (DEVIATIONS * scatter).max(MIN_HEIGHT) as f32;
     let values = smooth.iter().map(|height| *height > least).collect();
     let mut found = Image { width: seen.width, height: above.len() / seen.width, values };
