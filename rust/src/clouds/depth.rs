@@ -76,28 +76,53 @@ pub(crate) fn find_values_near(values: &[f64], at: f64, count: usize) -> Vec<f64
         return Vec::new();
     }
     let (mut below, mut above): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
-    for values in values.chunks(MANY) {
+    let mut rest = values;
+    loop {
         // most numbers are farther than those found
-        if let (Some(&low), Some(&high)) = (below.get(count - 1), above.get(count - 1))
-            && !values.iter().fold(false, |any, &value| any | ((value > low) & (value < high)))
-        {
-            continue;
+        if let (Some(&low), Some(&high)) = (below.get(count - 1), above.get(count - 1)) {
+            rest = &rest[pass_over(rest, low, high)..];
         }
-        for &value in values.iter().filter(|value| !value.is_nan()) {
+        let (some, others) = rest.split_at(rest.len().min(MANY));
+        for &value in some.iter().filter(|value| !value.is_nan()) {
             if value >= at {
                 insert_different(&mut above, value, count, |other| other < value);
             } else {
                 insert_different(&mut below, value, count, |other| other > value);
             }
         }
+        if others.is_empty() {
+            break;
+        }
+        rest = others;
     }
     below.reverse();
     below.extend(above);
     below
 }
 
+kernel! {
+    /// Returns how many numbers come before the first few that hold one between two others.
+    fn pass_over<S>(_, values: &[f64], low: f64, high: f64) -> usize {
+        let mut at = 0;
+        for some in values.chunks(MANY) {
+            let mut any = false;
+            for &value in some {
+                any |= (value > low) & (value < high);
+            }
+            if any {
+                break;
+            }
+            at += some.len();
+        }
+        at
+    }
+}
+
 /// Inserts a number among at most `count` different ones after those that are nearer.
 fn insert_different(found: &mut Vec<f64>, value: f64, count: usize, is_nearer: impl Fn(f64) -> bool) {
+    if found.len() == count && is_nearer(found[count - 1]) {
+        return;
+    }
     let place = found.partition_point(|&other| is_nearer(other));
     if place < count && found.get(place) != Some(&value) {
         found.insert(place, value);

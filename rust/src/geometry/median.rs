@@ -1,5 +1,7 @@
 //! Medians.
 
+use crate::simd::kernel;
+
 pub const MEDIAN_TO_SD: f64 = 1.4826; // standard deviation of a normal distribution, medians of the absolute deviation
 
 /// Returns the median: the mean of the middle two of an even number of values; None without values.
@@ -35,31 +37,48 @@ fn turn_to_number(key: i64) -> f64 {
 const MANY: usize = 4096; // fewer values are selected from at once
 const SAMPLE: usize = 512; // values that show where the median lies, about
 const SPAN: usize = 32; // ranks of the sample on each side of its median between which that of all values lies
+const TOGETHER: usize = 32; // values that are compared together
 
-/// Returns what [`median`] does, of many values without NaN, which `list` lists anew each time.
-pub fn median_of_many<I: Iterator<Item = f64>>(list: impl Fn() -> I) -> Option<f64> {
-    let count = list().count();
+/// Returns what [`median`] does, of many values without NaN.
+pub fn median_of_many(values: &[f64]) -> Option<f64> {
+    let count = values.len();
     if count < MANY {
-        return median(list().collect());
+        return median(values.to_vec());
     }
-    let mut sample: Vec<f64> = list().step_by(count / SAMPLE).collect();
+    let mut sample: Vec<f64> = values.iter().step_by(count / SAMPLE).copied().collect();
     sample.sort_unstable_by(f64::total_cmp);
     let middle = sample.len() / 2;
-    let (low, high) = (sample[middle - SPAN], sample[middle + SPAN]);
-    let (mut below, mut within) = (0, 0);
-    // a branch for each value would often be mispredicted
     let mut near = vec![0.0; count];
-    for value in list() {
-        below += usize::from(value < low);
-        near[within] = value;
-        within += usize::from(value >= low && value <= high);
-    }
+    let (below, within) = keep_between(values, sample[middle - SPAN], sample[middle + SPAN], &mut near);
     near.truncate(within);
     // both middle values of an even number must be among these
-    let Some(half) = (count / 2).checked_sub(below).filter(|&half| half > 0 && half < near.len()) else {
-        return median(list().collect());
-    };
-    select(near, half, count % 2 == 1)
+    match (count / 2).checked_sub(below).filter(|&half| half > 0 && half < within) {
+        Some(half) => select(near, half, count % 2 == 1),
+        None => median(values.to_vec()),
+    }
+}
+
+kernel! {
+    /// Copies values that are neither below a number nor above another; returns how many are below, and how many these are.
+    fn keep_between<S>(_, values: &[f64], low: f64, high: f64, to: &mut [f64]) -> (usize, usize) {
+        let (mut below, mut within) = (0, 0);
+        for values in values.chunks(TOGETHER) {
+            let (mut less, mut any) = (0u64, false);
+            for &value in values {
+                less += u64::from(value < low);
+                any |= (value >= low) & (value <= high);
+            }
+            below += less as usize;
+            if any {
+                for &value in values {
+                    // a branch for each value would often be mispredicted
+                    to[within] = value;
+                    within += usize::from((value >= low) & (value <= high));
+                }
+            }
+        }
+        (below, within)
+    }
 }
 
 /// Returns the middle value, or the upper of the middle two; panics without values.
@@ -87,11 +106,14 @@ mod tests {
         for count in [0, 5, 5000, 20_001, 30_000] {
             for distinct in [1, 3, 1_000_003] {
                 let many: Vec<f64> = (0..count).map(|i| f64::from(i * 7919 % distinct)).collect();
-                assert_eq!(median_of_many(|| many.iter().copied()), median(many));
+                assert_eq!(median_of_many(&many), median(many));
             }
         }
         let rising: Vec<f64> = (0..9000).map(f64::from).collect();
-        assert_eq!(median_of_many(|| rising.iter().copied()), Some(4499.5));
+        assert_eq!(median_of_many(&rising), Some(4499.5));
+        let step = rising.len() / SAMPLE;
+        let hidden: Vec<f64> = (0..rising.len()).map(|i| f64::from(u8::from(i % step > 0))).collect();
+        assert_eq!(median_of_many(&hidden), Some(1.0));
         assert_eq!(upper_median(&mut [3.0, -1.0, 2.0]), 2.0);
         assert_eq!(upper_median(&mut [4.0, -1.0, 2.0, 3.0]), 3.0);
     }

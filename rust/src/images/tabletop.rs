@@ -40,7 +40,7 @@ pub fn find_tabletop(
             }
         }
     }
-    let scatter = MEDIAN_TO_SD * median_of_many(|| low.iter().copied()).unwrap_or(0.0);
+    let scatter = MEDIAN_TO_SD * median_of_many(&low).unwrap_or(0.0);
     let least = (DEVIATIONS * scatter).max(MIN_HEIGHT) as f32;
     let values = smooth.iter().map(|height| *height > least).collect();
     let mut found = Image { width: seen.width, height: above.len() / seen.width, values };

@@ -12,6 +12,7 @@ use crate::clouds::depth::Pinhole;
 use crate::geometry::median::median_of_many;
 use crate::geometry::{Point, RigidMotion};
 use crate::images::heights::{self, AxisBox, DepthPixels, Side, Smoothing, Standing};
+use crate::images::image::find_next;
 use crate::images::plane_windows;
 use crate::images::planes::{PlaneSearch, find_plane as find};
 use crate::images::tabletop::find_tabletop as find_top;
@@ -45,8 +46,14 @@ pub(super) fn measure_heights<'py>(
         let camera = Pinhole { focal, center };
         let seen = DepthPixels { depth: image.slice(), width: shape[1].max(1), camera, pose };
         let (above, counts) = heights::measure_heights(&seen, plane, within.as_ref());
-        let depths = || seen.depth.iter().zip(&counts).filter(|(_, counts)| **counts).map(|(z, _)| *z);
-        let middle = median_of_many(depths);
+        let mut own = Vec::with_capacity(counts.len());
+        let mut begin = find_next(&counts, 0, true);
+        while begin < counts.len() {
+            let end = find_next(&counts, begin, false);
+            own.extend_from_slice(&seen.depth[begin..end]);
+            begin = find_next(&counts, end, true);
+        }
+        let middle = median_of_many(&own);
         (above, counts, middle)
     })?;
     Ok((constant(py, above, shape)?, constant(py, counts, shape)?, middle))
