@@ -74,11 +74,11 @@ def segment_ropes(
     """
     things, others = _find_things(top, image, radius, view)
     near: Array | NDArray[np.float32] = np.broadcast_to(np.inf, things.shape)
-    halo = 0.0
+    halo, mask = 0.0, image.mask.copy()
     if things.any():
         halo = _EDGE + _HALO * _find_radius_px(image, things, radius)
         near = _core.measure_edge_distances(~things, int(max(halo, 2.0 * _EDGE)) + 2)
-    mask = image.mask & (near > _EDGE)
+        mask &= near > _EDGE
     lengths = measure_strip_lengths(replace(image, labels=mask.copy())) / radius
     numbers = _core.number_blobs(mask)
     pixels = np.flatnonzero(mask)
