@@ -9,7 +9,7 @@ import numpy as np
 
 import strand._core as _core
 from strand.geometry.plane import Plane
-from strand.reconstruction.images.table_plane import find_table, find_table_beside_ropes
+from strand.reconstruction.images.table_plane import find_table, recall_table
 from strand.reconstruction.observing import Scene
 from strand.reconstruction.stages import Found, SoughtTable
 from strand.ropes.chain import Chain
@@ -146,6 +146,4 @@ def _find_in_view(view: View, whole: View, scene: Scene, sought: SoughtTable | N
         return None if table is None else table.moved(whole.pose)
     observed = scene.observed
     (image,) = make_rope_images([view], [whole], observed.bounds)
-    if sought is not None and sought.holds_for(image, observed.radius):
-        return sought.table
-    return find_table_beside_ropes(image, observed.radius) if image.mask.any() else None
+    return recall_table(image, observed.radius, sought) if image.mask.any() else None

@@ -9,7 +9,7 @@ import numpy as np
 import strand._core as _core
 from strand.geometry.lengths import measure_lengths
 from strand.geometry.plane import Plane
-from strand.reconstruction.images.table_plane import find_table_beside_ropes
+from strand.reconstruction.images.table_plane import recall_table
 from strand.reconstruction.stages import Found, Observed
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
@@ -47,11 +47,7 @@ def doubt_given_radius(observed: Observed, found: Found) -> list[Doubt]:
     pixels = float(abs(1.0 - width) * radius * images[0].camera.focal[0] / images[0].distance)
     if width < _NARROW and pixels < _MIN_NARROWER:
         return []
-    sought = found.sought
-    if sought is not None and sought.holds_for(images[0], radius):
-        table = sought.table
-    else:
-        table = find_table_beside_ropes(images[0], radius)
+    table = recall_table(images[0], radius, found.sought)
     height = None if table is None else measure_height(images[0], found.chains, table, radius)
     if width < _NARROW:
         if height is not None and _LOW < height < _HIGH:

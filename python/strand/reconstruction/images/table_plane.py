@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 import strand._core as _core
 from strand.geometry.lengths import measure_lengths
 from strand.geometry.plane import Plane
+from strand.reconstruction.stages import SoughtTable
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 
@@ -112,6 +113,13 @@ def find_table_beside_ropes(image: DepthImage, radius: float) -> Plane | None:
         means = _average_beside(image, half)
         table = _find_plane_beside(_select_beside(image, reach, means), image, radius)
     return table
+
+
+def recall_table(image: DepthImage, radius: float, sought: SoughtTable | None) -> Plane | None:
+    """Return what `find_table_beside_ropes` does, without a search if the same table was sought before."""
+    if sought is not None and sought.holds_for(image, radius):
+        return sought.table
+    return find_table_beside_ropes(image, radius)
 
 
 def _find_plane_beside(points: Array, image: DepthImage, radius: float) -> Plane | None:
