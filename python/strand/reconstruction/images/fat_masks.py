@@ -68,7 +68,7 @@ def _slim_mask(image: DepthImage, table: Plane, bounds: Box | None, radius: floa
     part = image.cropped(window)
     heights = measure_heights(part, table, bounds, radius)
     if estimate_height_noise(part, heights, radius) < MAX_FINE * radius:
-        return _cut_fine_mask(image, window, heights, table, radius, shown)
+        return _cut_fine_mask(image, part, window, heights, table, radius, shown)
     own = part.mask & select_standing(heights, radius)
     slimmed = _mark(image, window, own)
     slim = slimmed.mask_radius
@@ -92,14 +92,17 @@ def _mark(image: DepthImage, window: tuple[slice, slice], own: NDArray[np.bool_]
 
 def _cut_fine_mask(
     image: DepthImage,
+    part: DepthImage,
     window: tuple[slice, slice],
     heights: Heights,
     table: Plane,
     radius: float,
     shown: float,
 ) -> DepthImage:
-    """Cut a mask to what stands out of its table in depth that shows the gaps between strands."""
-    part = image.cropped(window)
+    """Cut a mask to what stands out of its table in depth that shows the gaps between strands.
+
+    `part` is a window of the image around the mask, with the heights of its pixels.
+    """
     mask = part.mask
     pixels = radius * image.camera.focal[0] / image.distance
     (outlined,) = outline_ropes(
