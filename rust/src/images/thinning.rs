@@ -26,18 +26,8 @@ impl Bits {
                 return;
             }
             changed.iter_mut().for_each(|changed| *changed = [false, changed[0]]);
-            for &row in &open {
-                let words = 1 + row * self.stride..1 + (row + 1) * self.stride;
-                let to = &mut gone[words.clone()];
-                find_removable(&self.words, words.start, self.stride, half % 2 == 1, whole, to);
-            }
-            for &row in &open {
-                let words = 1 + row * self.stride..1 + (row + 1) * self.stride;
-                for (word, gone) in self.words[words.clone()].iter_mut().zip(&gone[words]) {
-                    changed[row][0] |= *gone != 0;
-                    *word &= !gone;
-                }
-            }
+            find_removable(&self.words, self.stride, &open, half % 2 == 1, whole, &mut gone);
+            remove(&mut self.words, self.stride, &open, &gone, &mut changed);
         }
     }
 
@@ -112,33 +102,50 @@ fn two_of([a, b, c, d]: [u64; 4]) -> u64 {
 }
 
 kernel! {
-    /// Fills which pixels of a row of words, from word `first` on, may be removed.
+    /// Fills which pixels of some rows of words may be removed.
     fn find_removable<S>(
         _,
         words: &[u64],
-        first: usize,
         stride: usize,
+        rows: &[usize],
         second: bool,
         whole: bool,
         to: &mut [u64],
     ) {
-        let parts = to.as_chunks_mut::<TOGETHER>().0;
-        for (part, first) in parts.iter_mut().zip((first..).step_by(TOGETHER)) {
-            let row = |first: usize| &words[first - 1..][..TOGETHER + 2];
-            let rows = [row(first - stride), row(first), row(first + stride)];
-            if rows[1][1..=TOGETHER].iter().fold(0, |any, word| any | word) == 0 {
-                part.fill(0);
-                continue;
+        for first in rows.iter().map(|row| 1 + row * stride) {
+            let parts = to[first..first + stride].as_chunks_mut::<TOGETHER>().0;
+            for (part, first) in parts.iter_mut().zip((first..).step_by(TOGETHER)) {
+                let row = |first: usize| &words[first - 1..][..TOGETHER + 2];
+                let rows = [row(first - stride), row(first), row(first + stride)];
+                if rows[1][1..=TOGETHER].iter().fold(0, |any, word| any | word) == 0 {
+                    part.fill(0);
+                    continue;
+                }
+                for (k, to) in part.iter_mut().enumerate() {
+                    let near = around([
+                        [rows[0][k], rows[0][k + 1], rows[0][k + 2]],
+                        [rows[1][k], rows[1][k + 1], rows[1][k + 2]],
+                        [rows[2][k], rows[2][k + 1], rows[2][k + 2]],
+                    ]);
+                    let own = if whole { removable_whole(near, second) } else { removable(near, second) };
+                    *to = rows[1][k + 1] & own;
+                }
             }
-            for (k, to) in part.iter_mut().enumerate() {
-                let near = around([
-                    [rows[0][k], rows[0][k + 1], rows[0][k + 2]],
-                    [rows[1][k], rows[1][k + 1], rows[1][k + 2]],
-                    [rows[2][k], rows[2][k + 1], rows[2][k + 2]],
-                ]);
-                *to =
-                    rows[1][k + 1] & if whole { removable_whole(near, second) } else { removable(near, second) };
+        }
+    }
+}
+
+kernel! {
+    /// Removes pixels from some rows of words, and notes which rows change.
+    fn remove<S>(_, words: &mut [u64], stride: usize, rows: &[usize], gone: &[u64], changed: &mut [[bool; 2]]) {
+        for &row in rows {
+            let own = 1 + row * stride..1 + (row + 1) * stride;
+            let mut any = 0;
+            for (word, gone) in words[own.clone()].iter_mut().zip(&gone[own]) {
+                any |= gone;
+                *word &= !gone;
             }
+            changed[row][0] = any != 0;
         }
     }
 }
