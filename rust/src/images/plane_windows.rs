@@ -34,14 +34,16 @@ struct Residuals {
 /// On a plane, 1 / z is linear in the pixel's column and row. A plane is fitted to each of some windows. Those whose depth
 /// is nearest to `near` are used.
 pub fn measure_plane_errors(depth: &[f64], width: usize, near: f64) -> Vec<f64> {
-    let down = depth.len() / width.max(1) / SIDE;
-    let corners =
-        (0..down * (width / SIDE)).map(|k| (k / (width / SIDE) * width + k % (width / SIDE)) * SIDE);
     let row = |corner: usize, y: usize| &depth[corner + y * width..][..SIDE];
     let most = MAX_MISSING * PIXELS as f64;
-    let full: Vec<usize> = corners
-        .filter(|&corner| ((0..SIDE).map(|y| count_missing(row(corner, y))).sum::<u64>() as f64) < most)
-        .collect();
+    let mut full = Vec::new();
+    for (band, rows) in depth.chunks_exact((SIDE * width).max(1)).enumerate() {
+        let mut missing = vec![0; width];
+        count_missing(rows, &mut missing);
+        let corners = (0..).step_by(SIDE).map(|column| band * SIDE * width + column);
+        let counts = missing.chunks_exact(SIDE).map(|columns| columns.iter().sum::<u64>() as f64);
+        full.extend(corners.zip(counts).filter(|&(_, count)| count < most).map(|(corner, _)| corner));
+    }
     let every = full.len().div_ceil(MAX_WINDOWS).max(1);
     let some: Vec<usize> = full.into_iter().step_by(every).collect();
     let mut windows = parallel::map(&some, |&corner| fit_window(|y| row(corner, y)));
@@ -61,8 +63,13 @@ pub fn measure_plane_errors(depth: &[f64], width: usize, near: f64) -> Vec<f64> 
 }
 
 kernel! {
-    fn count_missing<S>(_, depth: &[f64]) -> u64 {
-        depth.iter().map(|&z| u64::from(!has_return(z))).sum()
+    /// Counts the pixels without depth in each column of some rows.
+    fn count_missing<S>(_, rows: &[f64], counts: &mut [u64]) {
+        for row in rows.chunks_exact(counts.len()) {
+            for (count, &z) in counts.iter_mut().zip(row) {
+                *count += u64::from(!has_return(z));
+            }
+        }
     }
 }
 
