@@ -48,20 +48,19 @@ pub fn median_of_many(values: &[f64]) -> Option<f64> {
     let mut sample: Vec<f64> = values.iter().step_by(count / SAMPLE).copied().collect();
     sample.sort_unstable_by(f64::total_cmp);
     let middle = sample.len() / 2;
-    let mut near = vec![0.0; count];
-    let (below, within) = keep_between(values, sample[middle - SPAN], sample[middle + SPAN], &mut near);
-    near.truncate(within);
+    let mut near = Vec::new();
+    let below = keep_between(values, sample[middle - SPAN], sample[middle + SPAN], &mut near);
     // both middle values of an even number must be among these
-    match (count / 2).checked_sub(below).filter(|&half| half > 0 && half < within) {
+    match (count / 2).checked_sub(below).filter(|&half| half > 0 && half < near.len()) {
         Some(half) => select(near, half, count % 2 == 1),
         None => median(values.to_vec()),
     }
 }
 
 kernel! {
-    /// Copies values that are neither below a number nor above another; returns how many are below, and how many these are.
-    fn keep_between<S>(_, values: &[f64], low: f64, high: f64, to: &mut [f64]) -> (usize, usize) {
-        let (mut below, mut within) = (0, 0);
+    /// Adds values that are neither below a number nor above another to others; returns how many are below.
+    fn keep_between<S>(_, values: &[f64], low: f64, high: f64, kept: &mut Vec<f64>) -> usize {
+        let mut below = 0;
         for values in values.chunks(TOGETHER) {
             let (mut less, mut any) = (0u64, false);
             for &value in values {
@@ -70,14 +69,16 @@ kernel! {
             }
             below += less as usize;
             if any {
+                // a branch for each value would often be mispredicted
+                let (mut own, mut count) = ([0.0; TOGETHER], 0);
                 for &value in values {
-                    // a branch for each value would often be mispredicted
-                    to[within] = value;
-                    within += usize::from((value >= low) & (value <= high));
+                    own[count] = value;
+                    count += usize::from((value >= low) & (value <= high));
                 }
+                kept.extend_from_slice(&own[..count]);
             }
         }
-        (below, within)
+        below
     }
 }
 
