@@ -162,7 +162,7 @@ class SoughtTable(NamedTuple):
     def holds_for(self, image: DepthImage, radius: float) -> bool:
         """Tell whether the table beside ropes of a radius, metres, is the same in another image."""
         own = self.image
-        if image.depth is not own.depth or radius != self.radius:
+        if image.depth is not own.depth or image.camera != own.camera or radius != self.radius:
             return False
         pairs = ((image.pose, own.pose), (image.mask, own.mask))
         return all(one is other or np.array_equal(one, other) for one, other in pairs)

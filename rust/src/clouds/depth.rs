@@ -101,7 +101,7 @@ pub(crate) fn find_values_near(values: &[f64], at: f64, count: usize) -> Vec<f64
 }
 
 kernel! {
-    /// Returns how many numbers come before the first few that hold one between two others.
+    /// Returns how many numbers come before the first group that holds one between `low` and `high`.
     fn pass_over<S>(_, values: &[f64], low: f64, high: f64) -> usize {
         let mut at = 0;
         for some in values.chunks(MANY) {

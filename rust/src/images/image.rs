@@ -228,6 +228,16 @@ pub fn find_blobs(image: &impl Mask, of: bool, diagonal: bool) -> Blobs {
     Blobs { runs, sizes }
 }
 
+/// Returns the runs of true values.
+pub fn find_runs(values: &[bool]) -> impl Iterator<Item = Range<usize>> {
+    let mut end = 0;
+    std::iter::from_fn(move || {
+        let begin = find_next(values, end, true);
+        end = find_next(values, begin, false);
+        (begin < end).then_some(begin..end)
+    })
+}
+
 /// Returns the first position from `from` on with a value, or the length if there is none.
 pub fn find_next(values: &[bool], from: usize, value: bool) -> usize {
     const MANY: usize = 32; // values that are looked at together

@@ -65,7 +65,7 @@ pub fn measure_plane_errors(depth: &[f64], width: usize, near: f64) -> Vec<f64> 
 kernel! {
     /// Counts the pixels without depth in each column of some rows.
     fn count_missing<S>(_, rows: &[f64], counts: &mut [u64]) {
-        for row in rows.chunks_exact(counts.len()) {
+        for row in rows.chunks_exact(counts.len().max(1)) {
             for (count, &z) in counts.iter_mut().zip(row) {
                 *count += u64::from(!has_return(z));
             }

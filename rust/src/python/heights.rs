@@ -12,7 +12,7 @@ use crate::clouds::depth::Pinhole;
 use crate::geometry::median::median_of_many;
 use crate::geometry::{Point, RigidMotion};
 use crate::images::heights::{self, AxisBox, DepthPixels, Side, Smoothing, Standing};
-use crate::images::image::find_next;
+use crate::images::image::find_runs;
 use crate::images::plane_windows;
 use crate::images::planes::{PlaneSearch, find_plane as find};
 use crate::images::tabletop::find_tabletop as find_top;
@@ -47,11 +47,8 @@ pub(super) fn measure_heights<'py>(
         let seen = DepthPixels { depth: image.slice(), width: shape[1].max(1), camera, pose };
         let (above, counts) = heights::measure_heights(&seen, plane, within.as_ref());
         let mut own = Vec::with_capacity(counts.len());
-        let mut begin = find_next(&counts, 0, true);
-        while begin < counts.len() {
-            let end = find_next(&counts, begin, false);
-            own.extend_from_slice(&seen.depth[begin..end]);
-            begin = find_next(&counts, end, true);
+        for run in find_runs(&counts) {
+            own.extend_from_slice(&seen.depth[run]);
         }
         let middle = median_of_many(&own);
         (above, counts, middle)

@@ -20,8 +20,8 @@ pub(super) const CHEAP: usize = 16; // points that count as one item, where each
 const HANDING_OVER: usize = 200_000; // work for which waking other threads pays, nanoseconds at least
 
 thread_local! {
-    /// Whether the thread is Python's main one, in a process. After a fork it may be another.
-    static IS_MAIN: Cell<Option<(u32, bool)>> = const { Cell::new(None) };
+    /// The process in which this thread is known to be Python's main one. After a fork, another thread may be that.
+    static MAIN_IN: Cell<Option<u32>> = const { Cell::new(None) };
 }
 
 /// The place of the last panic.
@@ -123,17 +123,17 @@ fn internal(panic: Box<dyn Any + Send>) -> PyErr {
 
 /// Returns whether the calling thread is the one that runs signal handlers.
 fn is_main_thread(py: Python<'_>) -> PyResult<bool> {
-    let process = std::process::id();
-    if let Some((own, known)) = IS_MAIN.get()
-        && own == process
-    {
-        return Ok(known);
+    let process = Some(std::process::id());
+    if MAIN_IN.get() == process {
+        return Ok(true);
     }
     let threading = py.import(intern!(py, "threading"))?;
     let main = called_method(&threading, "main_thread", ())?;
     // a property in Python
     let ident = called_method(&main, "__getattribute__", ("ident",))?;
-    let found = threading.call_method0(intern!(py, "get_ident"))?.eq(ident)?;
-    IS_MAIN.set(Some((process, found)));
-    Ok(found)
+    let is_main = threading.call_method0(intern!(py, "get_ident"))?.eq(ident)?;
+    if is_main {
+        MAIN_IN.set(process);
+    }
+    Ok(is_main)
 }

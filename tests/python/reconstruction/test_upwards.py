@@ -10,7 +10,7 @@ import pytest
 
 import strand
 from strand.geometry.plane import Plane
-from strand.reconstruction import upwards
+from strand.reconstruction.images import table_plane
 from strand.reconstruction.stages import SoughtTable
 from strand.synthetic import Segmentation
 from strand.views.view import cropped, placed
@@ -203,13 +203,25 @@ def test_the_published_method_has_a_table_too():
 def test_the_table_beside_masks_is_sought_once(monkeypatch):
     scene = draw("overhand", masked=True)
     expected = strand.reconstruct(scene.views, scene.radius).table
+    wrong = 0.6 * scene.radius
+    doubts = strand.reconstruct(scene.views, wrong).doubts
+    assert any(doubt.kind == "radius" for doubt in doubts)
     images = [view.image for view in scene.views]
-    sought = upwards.find_table_beside_ropes(images[0], scene.radius)
+    sought = table_plane.find_table_beside_ropes(images[0], scene.radius)
     assert expected.normal == pytest.approx(sought.normal, abs=1e-9)
-    monkeypatch.setattr(upwards, "find_table_beside_ropes", None)
+    # the reading of images has its own name of this function
+    monkeypatch.setattr(table_plane, "find_table_beside_ropes", None)
     again = strand.reconstruct(scene.views, scene.radius).table
     np.testing.assert_array_equal(again.normal, expected.normal)
+    assert list(map(str, strand.reconstruct(scene.views, wrong).doubts)) == list(map(str, doubts))
     known = SoughtTable(images[0], scene.radius, sought)
     assert known.holds_for(replace(images[0]), scene.radius)
+    assert known.holds_for(replace(images[0], pose=images[0].pose.copy()), scene.radius)
+    moved = images[0].pose.copy()
+    moved[0, 3] += 0.1
+    assert not known.holds_for(replace(images[0], pose=moved), scene.radius)
+    assert not known.holds_for(
+        replace(images[0], camera=images[0].camera.magnified(2, (0.0, 0.0))), scene.radius
+    )
     assert not known.holds_for(images[0], 1.1 * scene.radius)
     assert not known.holds_for(replace(images[0], labels=~images[0].mask), scene.radius)

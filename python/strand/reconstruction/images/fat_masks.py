@@ -101,7 +101,7 @@ def _cut_fine_mask(
 ) -> DepthImage:
     """Cut a mask to what stands out of its table in depth that shows the gaps between strands.
 
-    `part` is a window of the image around the mask, with the heights of its pixels.
+    `part` is the window of the image around the mask; `heights` are those of its pixels.
     """
     mask = part.mask
     pixels = radius * image.camera.focal[0] / image.distance

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,8 +12,7 @@ from strand.reconstruction.stages import SoughtTable
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 
-_SEED = 0  # of the draws of points that planes are tried through
-_BITS = 32  # of a draw
+_SEED = 0  # of the draws of three points that planes are tried through
 
 # a plane among all points
 _MAX_POINTS_COMPARED = 3000  # points that planes are compared with
@@ -88,7 +85,7 @@ def find_largest_plane(points: Array, away: Array | None = None) -> tuple[Plane,
         return None
     width = _FIRST_WIDTH * _core.find_median(measure_lengths(points) if away is None else away)
     count = min(_MAX_POINTS_COMPARED, len(points))
-    numbers = _draw(len(points), count + 3 * _PLANES)
+    numbers = np.random.default_rng(_SEED).integers(0, len(points), count + 3 * _PLANES)
     drawn = points.take(numbers, axis=0)
     compared, corners = drawn[:count], drawn[count:]
     adaptive = (_DEVIATIONS, _MIN_WIDTH / _FIRST_WIDTH * width)
@@ -126,7 +123,7 @@ def _find_plane_beside(points: Array, image: DepthImage, radius: float) -> Plane
     """Return the plane that most of (N, 3) points lie on, to within a radius, metres; None without one."""
     if len(points) < _MIN_POINTS_BESIDE:
         return None
-    numbers = _draw(len(points), 3 * _PLANES_BESIDE)
+    numbers = np.random.default_rng(_SEED).integers(0, len(points), 3 * _PLANES_BESIDE)
     corners = points.take(numbers, axis=0)
     found = _core.find_plane(
         points,
@@ -143,18 +140,6 @@ def _find_plane_beside(points: Array, image: DepthImage, radius: float) -> Plane
         return None
     normal, offset, _ = found
     return Plane(normal, offset) if normal @ image.pose[:3, 3] > offset else Plane(-normal, -offset)
-
-
-def _draw(below: int, count: int) -> NDArray[np.int64]:
-    """(count,) Return random whole numbers below a number; the same in each call."""
-    return ((_list_draws()[:count] * np.uint64(below)) >> np.uint64(_BITS)).view(np.int64)
-
-
-@functools.cache
-def _list_draws() -> NDArray[np.uint64]:
-    """Return random whole numbers of so many bits, as many as are drawn at most."""
-    most = max(_MAX_POINTS_COMPARED + 3 * _PLANES, 3 * _PLANES_BESIDE)
-    return np.random.default_rng(_SEED).integers(0, 1 << _BITS, most, dtype=np.uint64)
 
 
 def _is_wide(points: Array, away: Array, plane: Plane) -> bool:

@@ -5,7 +5,7 @@ use super::medians::Medians;
 use crate::clouds::depth::{Pinhole, has_return};
 use crate::geometry::RigidMotion;
 use crate::geometry::median::upper_median;
-use crate::images::image::{Image, find_next};
+use crate::images::image::{Image, find_runs};
 use crate::images::mending::mend;
 use crate::images::silhouette::Silhouette;
 use crate::images::surroundings::Surroundings;
@@ -43,14 +43,11 @@ impl Prepared {
         let (mut seen, mut covered) = (Vec::new(), Vec::new());
         let rows = depth.chunks_exact(size[0].max(1)).zip(mask.chunks_exact(size[0].max(1)));
         for (row, (depth, mask)) in rows.enumerate() {
-            let mut begin = find_next(mask, 0, true);
-            while begin < mask.len() {
-                let end = find_next(mask, begin, false);
-                for column in (begin..end).filter(|&k| has_return(depth[k])) {
+            for run in find_runs(mask) {
+                for column in run.filter(|&k| has_return(depth[k])) {
                     seen.push(depth[column]);
                     covered.push([column as f64, row as f64]);
                 }
-                begin = find_next(mask, end, true);
             }
         }
         if seen.is_empty() {

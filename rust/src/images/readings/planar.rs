@@ -105,7 +105,7 @@ pub fn nearest(p: &[Place], q: &[Place], within: f64) -> Option<f64> {
 
 /// Returns whether two polylines cross.
 pub fn cross(p: &[Place], q: &[Place]) -> bool {
-    // segments that meet begin no farther apart than they are long
+    // segments that meet begin no farther apart than both are long together
     let longest = find_longest_step(q).max(1e-9);
     let inverse = 1.0 / longest;
     p.windows(2).any(|s| {

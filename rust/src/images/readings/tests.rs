@@ -131,7 +131,17 @@ fn polylines_cross_where_two_of_their_segments_do() {
         assert_eq!(planar::cross(&p, &q), expected, "{k}");
         crossing += usize::from(expected);
     }
-    assert!((20..380).contains(&crossing), "{crossing}");
+    // straight lines from afar
+    for k in 0..200 {
+        let step = [1.0, 0.7, 2.3, 0.05][k % 4];
+        let q: Vec<Place> = (0..60).map(|i| [0.137 * k as f64 + (30.0 - f64::from(i)) * step, 0.1]).collect();
+        let p = [[0.3, -0.2 - 0.4 * (k % 5) as f64], [0.3, 0.4]];
+        let meet = |t: &[Place]| planar::cross_segments(p[0], p[1], t[0], t[1]).is_some();
+        let expected = q.windows(2).any(meet);
+        assert_eq!(planar::cross(&p, &q), expected, "{k}");
+        crossing += usize::from(expected);
+    }
+    assert!((100..500).contains(&crossing), "{crossing}");
 }
 
 #[test]
