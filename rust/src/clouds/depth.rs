@@ -77,7 +77,7 @@ pub(crate) fn find_values_near(values: &[f64], at: f64, count: usize) -> Vec<f64
     }
     let (mut below, mut above): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
     let mut rest = values;
-    loop {
+    while !rest.is_empty() {
         // most numbers are farther than those found
         if let (Some(&low), Some(&high)) = (below.get(count - 1), above.get(count - 1)) {
             rest = &rest[pass_over(rest, low, high)..];
@@ -89,9 +89,6 @@ pub(crate) fn find_values_near(values: &[f64], at: f64, count: usize) -> Vec<f64
             } else {
                 insert_different(&mut below, value, count, |other| other > value);
             }
-        }
-        if others.is_empty() {
-            break;
         }
         rest = others;
     }

@@ -28,19 +28,6 @@ pub fn interpolate_rows(places: &[f64], known: &[f64], values: &[f64]) -> Vec<f6
     rows
 }
 
-/// Returns the first node of each marked stretch, and the one after its last.
-pub fn find_runs(marked: &[bool]) -> Vec<[usize; 2]> {
-    let mut runs = Vec::new();
-    let mut next = 0;
-    while let Some(ahead) = marked[next..].iter().position(|&is_marked| is_marked) {
-        let start = next + ahead;
-        let length = marked[start..].iter().position(|&is_marked| !is_marked);
-        next = length.map_or(marked.len(), |length| start + length);
-        runs.push([start, next]);
-    }
-    runs
-}
-
 /// Counts the points that are nearest to each of some nodes, and the views that they come from.
 ///
 /// Points are given by their arc lengths and views, view by view. Nodes are `spacing` apart along the same curve.
@@ -105,16 +92,6 @@ pub fn append_directions<const N: usize>(nodes: &[[f64; N]], into: &mut Vec<[f64
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn runs_are_the_marked_stretches() {
-        let marked = |text: &str| text.chars().map(|c| c == 'x').collect::<Vec<bool>>();
-        assert!(find_runs(&[]).is_empty());
-        assert!(find_runs(&marked("...")).is_empty());
-        assert_eq!(find_runs(&marked("xx")), [[0, 2]]);
-        assert_eq!(find_runs(&marked("x..xxx.x")), [[0, 1], [3, 6], [7, 8]]);
-        assert_eq!(find_runs(&marked(".xx.")), [[1, 3]]);
-    }
 
     #[test]
     fn each_point_counts_at_its_nearest_node_and_each_view_once() {

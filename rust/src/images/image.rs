@@ -273,6 +273,17 @@ mod tests {
     use super::*;
 
     #[test]
+    fn runs_are_the_marked_stretches() {
+        let marked = |text: &str| text.chars().map(|c| c == 'x').collect::<Vec<bool>>();
+        let runs = |text: &str| find_runs(&marked(text)).map(|run| [run.start, run.end]).collect::<Vec<_>>();
+        assert!(runs("").is_empty());
+        assert!(runs("...").is_empty());
+        assert_eq!(runs("xx"), [[0, 2]]);
+        assert_eq!(runs("x..xxx.x"), [[0, 1], [3, 6], [7, 8]]);
+        assert_eq!(runs(".xx."), [[1, 3]]);
+    }
+
+    #[test]
     fn blobs_are_numbered_and_counted() {
         let rows = ["##...", "..#..", "....#", "#...#"];
         let values: Vec<bool> = rows.iter().flat_map(|row| row.chars().map(|c| c == '#')).collect();

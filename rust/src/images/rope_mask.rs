@@ -10,8 +10,8 @@ const NANOSECONDS: usize = 40; // that a pixel of a mask takes; one beside it ta
 /// A mask, and its strands as they were traced last: radii that fill the same holes have the same strands.
 pub struct RopeMask {
     mask: Bits,
-    /// The number of its pixels, and of those in the box around it.
-    pixels: [usize; 2],
+    /// How long it takes to measure the ropes' radius, about.
+    pub nanoseconds: usize,
     traced: Mutex<Option<(Bits, Arc<Strokes>)>>,
 }
 
@@ -19,16 +19,9 @@ impl RopeMask {
     /// Takes the mask of an image of `width` columns.
     pub fn new(mask: &[bool], width: usize) -> Self {
         let mask = Bits::pack(mask, width);
-        let own = mask.words.iter().map(|word| word.count_ones() as usize).sum();
-        let around = mask.find_bounds().map_or(0, |[rows, columns]| rows.len() * columns.len());
-        let pixels = [own, around];
-        Self { mask, pixels, traced: Mutex::new(None) }
-    }
-
-    /// Estimates how long it takes to measure the ropes' radius, nanoseconds.
-    pub fn estimate_nanoseconds(&self) -> usize {
-        let [own, around] = self.pixels;
-        NANOSECONDS * own + around
+        let own: usize = mask.words.iter().map(|word| word.count_ones() as usize).sum();
+        let around = mask.find_bounds().map_or(0, |[columns, rows]| columns.len() * rows.len());
+        Self { mask, nanoseconds: NANOSECONDS * own + around, traced: Mutex::new(None) }
     }
 
     /// Fills the mask for ropes of a radius, pixels, and magnifies it; None if it is empty without specks.

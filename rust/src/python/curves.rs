@@ -11,6 +11,7 @@ use crate::geometry::arclength::{self, ByLength};
 use crate::geometry::overlap::{self, Along};
 use crate::geometry::spline::{self, Spline};
 use crate::geometry::{Point, bridge, contacts, plan, polyline, straighten};
+use crate::images::image;
 
 /// Numbers of both segments, positions along them, and turns.
 type Crossings<'py> = (Bound<'py, PyArray2<i64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i8>>);
@@ -324,8 +325,11 @@ pub(super) fn find_runs<'py>(
     py: Python<'py>,
     marked: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray2<i64>>> {
-    let runs = polyline::find_runs(Array::flags("marked", marked, 1)?.slice());
-    array(py, runs.iter().flatten().map(|&node| node as i64).collect(), [runs.len(), 2])
+    let marked = Array::flags("marked", marked, 1)?;
+    let ends: Vec<i64> =
+        image::find_runs(marked.slice()).flat_map(|run| [run.start as i64, run.end as i64]).collect();
+    let count = ends.len() / 2;
+    array(py, ends, [count, 2])
 }
 
 /// Return the arc length from the first of ordered nodes to each, metres.

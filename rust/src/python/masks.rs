@@ -271,7 +271,7 @@ impl RopeMask {
     /// Estimate the ropes' radius in the image from the widths of the mask, pixels; None if it shows no rope.
     fn estimate_radius(&self, py: Python<'_>) -> PyResult<Option<f64>> {
         let mask = self.0.clone();
-        released_if_long(py, mask.estimate_nanoseconds(), move || mask.estimate_radius())
+        released_if_long(py, mask.nanoseconds, move || mask.estimate_radius())
     }
 
     /// Measure the radius of the ropes by the area of single strands, pixels, and their middles, columns and rows; None
@@ -283,9 +283,8 @@ impl RopeMask {
     ) -> PyResult<Option<(f64, Vec<Strand<'py>>)>> {
         check_positive("radius_px", radius_px)?;
         let mask = self.0.clone();
-        let found = released_if_long(py, mask.estimate_nanoseconds(), move || {
-            readings::measure_strands(&mask, radius_px)
-        })?;
+        let found =
+            released_if_long(py, mask.nanoseconds, move || readings::measure_strands(&mask, radius_px))?;
         let Some((radius, strands)) = found else { return Ok(None) };
         let strands = strands
             .into_iter()
