@@ -77,6 +77,23 @@ macro_rules! kernel {
 }
 pub(crate) use kernel;
 
+/// Asks the processor to fetch a value into its cache, where work on other values comes first. The value does not
+/// change, and nothing waits.
+#[inline(always)]
+pub fn prefetch<T>(value: &T) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let start: *const i8 = std::ptr::from_ref(value).cast();
+        for offset in (0..size_of::<T>()).step_by(CACHE_LINE) {
+            // SAFETY: every processor of this kind has the instruction, and it may ask for any place
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(offset)) };
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = value;
+}
+
 /// The token of the widest instructions that the processor has.
 #[derive(Clone, Copy)]
 pub enum Widest {
@@ -86,6 +103,9 @@ pub enum Widest {
     Avx2(Avx2),
     Portable(Portable),
 }
+
+#[cfg(target_arch = "x86_64")]
+const CACHE_LINE: usize = 64; // bytes
 
 /// The widest set, as one of the numbers below. Numbers of sets that the processor lacks never appear.
 static WIDEST: AtomicU8 = AtomicU8::new(NOT_ASKED);

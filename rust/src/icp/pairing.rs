@@ -18,11 +18,11 @@ use rayon::prelude::*;
 
 use crate::geometry::{Point, RigidMotion, squared_distance};
 use crate::parallel::go_on;
-use crate::simd::{BATCH, LANES, kernel};
+use crate::simd::{BATCH, LANES, kernel, prefetch};
 use choice::{choose, is_same};
 use near::Near;
 pub use partners::Pairing;
-use partners::Task;
+use partners::{BATCHES_PER_TASK, Task};
 use search::search;
 pub use sums::Pairs;
 use sums::{TERMS, add_pairs};
@@ -87,6 +87,8 @@ impl Pairing {
 
 kernel! {
     /// Moves the points of a task, finds their partners and sums over the pairs.
+    ///
+    /// Lists and targets of large clouds are not in the cache: each pass asks for all that the next one needs.
     fn pair<S>(
         simd,
         pairing: &Pairing,
@@ -94,21 +96,30 @@ kernel! {
         origin: Point,
         near: &mut Near,
     ) -> [f64; TERMS] {
-        let limit = pairing.reach * pairing.reach;
-        let mut sums = [[0.0; LANES]; TERMS];
-        for (batch, list) in task.batches.iter_mut().zip(&mut task.lists) {
+        let mut changes = [0; BATCHES_PER_TASK];
+        for ((batch, list), changed) in task.batches.iter().zip(&task.lists).zip(&mut changes) {
             let moved = batch.moved_to(&pairing.pose);
-            let all = (1u32 << batch.count) - 1;
-            let left = all & !is_same(simd, pairing, batch, &moved);
-            if left != 0 {
-                let mut changed = left;
-                if choose(simd, pairing, batch, list, &moved, left) != 0 {
+            *changed = batch.lanes() & !is_same(simd, pairing, batch, &moved);
+            if *changed != 0 {
+                prefetch(list);
+            }
+        }
+        for ((batch, list), changed) in task.batches.iter_mut().zip(&mut task.lists).zip(&mut changes) {
+            if *changed != 0 {
+                let moved = batch.moved_to(&pairing.pose);
+                if choose(simd, pairing, batch, list, &moved, *changed) != 0 {
                     // it searches all lanes: the others would follow soon, and cost little more now
                     search(simd, pairing, batch, list, &moved, near);
-                    changed = all;
+                    *changed = batch.lanes();
                 }
-                pairing.take_targets(batch, changed);
+                pairing.prefetch_targets(batch, *changed);
             }
+        }
+        let limit = pairing.reach * pairing.reach;
+        let mut sums = [[0.0; LANES]; TERMS];
+        for (batch, &changed) in task.batches.iter_mut().zip(&changes) {
+            pairing.take_targets(batch, changed);
+            let moved = batch.moved_to(&pairing.pose);
             for half in 0..BATCH / LANES {
                 add_pairs(&mut sums, half, &moved, &batch.targets, origin, limit);
             }

@@ -19,7 +19,7 @@ LISTED = {
     "python/arguments.rs": 1,
     "python/arrays.rs": 5,
     "python/called.rs": 1,
-    "simd.rs": 4,
+    "simd.rs": 5,
     "simd/avx2.rs": 10,
     "simd/avx512.rs": 10,
     "simd/proven.rs": 2,

@@ -13,12 +13,12 @@ use crate::index::cells::Cells;
 use crate::index::halves::halve;
 use crate::index::hierarchy::Hierarchy;
 use crate::index::reach::reach_of;
-use crate::simd::{BATCH, Singles};
+use crate::simd::{BATCH, Singles, prefetch};
 
 const NEAR: usize = 40; // target points within a cell's width of each target point, about
 
 /// Batches that one task works on; fixed, so that sums do not depend on the number of threads.
-const BATCHES_PER_TASK: usize = 16;
+pub const BATCHES_PER_TASK: usize = 16;
 const MAX_BUFFERS: usize = 64; // buffers at most: more would not stay in the cache
 
 /// Batches that a thread pairs in turn.
@@ -69,6 +69,12 @@ impl Batch {
             values[l] = r0 * x[l] + r1 * y[l] + r2 * z[l] + t;
         }
         values
+    }
+
+    /// Returns bits of the lanes with a point of their own.
+    #[inline(always)]
+    pub fn lanes(&self) -> u32 {
+        (1u32 << self.count) - 1
     }
 
     /// Returns the place of the last search of a lane.
@@ -166,6 +172,18 @@ impl Pairing {
             }
         }
         nearest
+    }
+
+    /// Asks for the places of the partners of some lanes.
+    #[inline(always)]
+    pub fn prefetch_targets(&self, batch: &Batch, mut lanes: u32) {
+        while lanes != 0 {
+            let l = lanes.trailing_zeros() as usize % BATCH;
+            lanes &= lanes - 1;
+            if let Some(target) = self.sorted.get(batch.partners[l].to_bits() as usize) {
+                prefetch(target);
+            }
+        }
     }
 
     /// Notes the places of the partners of some lanes.

@@ -42,7 +42,7 @@ pub fn search<S: Simd>(
         search_reach = f64::max(search_reach, if known.is_finite() { 1.001 * known } else { cells.size() });
     }
     search_reach = search_reach.min(farthest);
-    let mut left = (1u32 << batch.count) - 1;
+    let mut left = batch.lanes();
     list.clear(simd, left);
     while left != 0 {
         let places = take_left(&batch.anchors, left);
