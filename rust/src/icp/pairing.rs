@@ -88,7 +88,7 @@ impl Pairing {
 kernel! {
     /// Moves the points of a task, finds their partners and sums over the pairs.
     ///
-    /// Lists and targets of large clouds are not in the cache: each pass asks for all that the next one needs.
+    /// Lists and targets of large clouds are not in the cache: each pass asks for those that the next one needs.
     fn pair<S>(
         simd,
         pairing: &Pairing,
@@ -96,32 +96,33 @@ kernel! {
         origin: Point,
         near: &mut Near,
     ) -> [f64; TERMS] {
+        let mut places = [[[0.0; BATCH]; 3]; BATCHES_PER_TASK];
         let mut changes = [0; BATCHES_PER_TASK];
-        for ((batch, list), changed) in task.batches.iter().zip(&task.lists).zip(&mut changes) {
-            let moved = batch.moved_to(&pairing.pose);
-            *changed = batch.lanes() & !is_same(simd, pairing, batch, &moved);
-            if *changed != 0 {
+        for (i, (batch, list)) in task.batches.iter().zip(&task.lists).enumerate() {
+            places[i] = batch.moved_to(&pairing.pose);
+            changes[i] = batch.lanes() & !is_same(simd, pairing, batch, &places[i]);
+            if changes[i] != 0 && pairing.is_large {
                 prefetch(list);
             }
         }
-        for ((batch, list), changed) in task.batches.iter_mut().zip(&mut task.lists).zip(&mut changes) {
-            if *changed != 0 {
-                let moved = batch.moved_to(&pairing.pose);
-                if choose(simd, pairing, batch, list, &moved, *changed) != 0 {
+        for (i, (batch, list)) in task.batches.iter_mut().zip(&mut task.lists).enumerate() {
+            if changes[i] != 0 {
+                if choose(simd, pairing, batch, list, &places[i], changes[i]) != 0 {
                     // it searches all lanes: the others would follow soon, and cost little more now
-                    search(simd, pairing, batch, list, &moved, near);
-                    *changed = batch.lanes();
+                    search(simd, pairing, batch, list, &places[i], near);
+                    changes[i] = batch.lanes();
                 }
-                pairing.prefetch_targets(batch, *changed);
+                if pairing.is_large {
+                    pairing.prefetch_targets(batch, changes[i]);
+                }
             }
         }
         let limit = pairing.reach * pairing.reach;
         let mut sums = [[0.0; LANES]; TERMS];
-        for (batch, &changed) in task.batches.iter_mut().zip(&changes) {
-            pairing.take_targets(batch, changed);
-            let moved = batch.moved_to(&pairing.pose);
+        for (i, batch) in task.batches.iter_mut().enumerate() {
+            pairing.take_targets(batch, changes[i]);
             for half in 0..BATCH / LANES {
-                add_pairs(&mut sums, half, &moved, &batch.targets, origin, limit);
+                add_pairs(&mut sums, half, &places[i], &batch.targets, origin, limit);
             }
         }
         sums.map(|sum| sum.iter().sum())

@@ -18,7 +18,8 @@ use crate::simd::{BATCH, Singles, prefetch};
 const NEAR: usize = 40; // target points within a cell's width of each target point, about
 
 /// Batches that one task works on; fixed, so that sums do not depend on the number of threads.
-pub const BATCHES_PER_TASK: usize = 16;
+pub const BATCHES_PER_TASK: usize = 8;
+const CACHED: usize = 8192; // source points whose lists stay in the cache of a core
 const MAX_BUFFERS: usize = 64; // buffers at most: more would not stay in the cache
 
 /// Batches that a thread pairs in turn.
@@ -94,6 +95,8 @@ pub struct Pairing {
     /// Buffers of stretches of tasks, kept from pose to pose.
     pub buffers: Vec<Near>,
     pub source_points: usize,
+    /// Whether lists and targets leave the cache between poses.
+    pub is_large: bool,
     /// The middle of the source, in its frame.
     pub center: Point,
     /// The pose before the last.
@@ -110,9 +113,9 @@ pub struct Pairing {
 impl Pairing {
     /// Sorts two clouds with points.
     pub fn new(source: &[Point], target: &[Point], options: &IcpOptions) -> Self {
-        let cells = Cells::new(target, reach_of(target, NEAR));
+        let (cells, near_each_other) =
+            rayon::join(|| Cells::new(target, reach_of(target, NEAR)), || halve(source));
         let sorted = cells.sorted();
-        let near_each_other = halve(source);
         let batch = |indices: &[u32]| {
             let mut points = [[0.0; BATCH]; 3];
             for l in 0..BATCH {
@@ -150,6 +153,7 @@ impl Pairing {
             buffers: (0..tasks.len().min(MAX_BUFFERS)).map(|_| Near::default()).collect(),
             tasks,
             source_points: source.len(),
+            is_large: source.len() > CACHED,
             center: centroid(source),
             before: options.start,
             pose: options.start,
