@@ -57,12 +57,20 @@ pub fn trace_chains(points: &[Point], near: f64, far: f64, start: Option<usize>)
     let remaining = grid.is_crowded().then(|| Remaining::new(grid.hierarchy()));
     let mut tracer = Tracer { grid: &grid, target: vec![true; points.len()], near, far, remaining };
     let mut chains = vec![tracer.chain(first)];
-    // the first chain takes most points
-    let mut bases: Vec<usize> = (0..points.len()).filter(|&position| tracer.target[position]).collect();
-    bases.sort_unstable_by(farther);
-    for base in bases {
-        if tracer.target[base] {
-            chains.push(tracer.chain(base));
+    let mut bases: Vec<usize> = (0..points.len()).collect();
+    loop {
+        bases.retain(|&position| tracer.target[position]);
+        if bases.is_empty() {
+            break;
+        }
+        // the chains of the farthest take most of the others, which then need no order
+        let last = bases.len() / 8;
+        bases.select_nth_unstable_by(last, farther);
+        bases[..=last].sort_unstable_by(farther);
+        for &base in &bases[..=last] {
+            if tracer.target[base] {
+                chains.push(tracer.chain(base));
+            }
         }
     }
     Ok(chains)
