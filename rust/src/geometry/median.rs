@@ -7,16 +7,16 @@ pub const MEDIAN_TO_SD: f64 = 1.4826; // standard deviation of a normal distribu
 /// Returns the median: the mean of the middle two of an even number of values; None without values.
 pub fn median(values: Vec<f64>) -> Option<f64> {
     let (half, odd) = (values.len() / 2, values.len() % 2 == 1);
-    select(values, half, odd)
+    select(values.into_iter(), half, odd)
 }
 
 /// Returns the value of a rank, or else the mean of it and the value before; None without values.
-fn select(values: Vec<f64>, rank: usize, alone: bool) -> Option<f64> {
-    if values.is_empty() {
+fn select(values: impl Iterator<Item = f64>, rank: usize, alone: bool) -> Option<f64> {
+    // whole numbers are compared in less time
+    let mut keys: Vec<i64> = values.map(turn_to_key).collect();
+    if keys.is_empty() {
         return None;
     }
-    // whole numbers are compared in less time
-    let mut keys: Vec<i64> = values.into_iter().map(turn_to_key).collect();
     let (below, &mut upper, _) = keys.select_nth_unstable(rank);
     let upper = turn_to_number(upper);
     let lower = || below.iter().copied().max().map_or(upper, turn_to_number);
@@ -41,19 +41,29 @@ const TOGETHER: usize = 32; // values that are compared together
 
 /// Returns what [`median`] does, of many values without NaN.
 pub fn median_of_many(values: &[f64]) -> Option<f64> {
+    select_middle(values, values.len() % 2 == 1)
+}
+
+/// Returns the middle value, or the upper of the middle two, of values without NaN; None without values.
+pub fn upper_median(values: &[f64]) -> Option<f64> {
+    select_middle(values, true)
+}
+
+/// Returns the value in the middle, or else the mean of it and the one before; None without values.
+fn select_middle(values: &[f64], alone: bool) -> Option<f64> {
     let count = values.len();
     if count < MANY {
-        return median(values.to_vec());
+        return select(values.iter().copied(), count / 2, alone);
     }
     let mut sample: Vec<f64> = values.iter().step_by(count / SAMPLE).copied().collect();
     sample.sort_unstable_by(f64::total_cmp);
     let middle = sample.len() / 2;
     let mut near = Vec::new();
     let below = keep_between(values, sample[middle - SPAN], sample[middle + SPAN], &mut near);
-    // both middle values of an even number must be among these
+    // the one before must be among these too
     match (count / 2).checked_sub(below).filter(|&half| half > 0 && half < near.len()) {
-        Some(half) => select(near, half, count % 2 == 1),
-        None => median(values.to_vec()),
+        Some(half) => select(near.into_iter(), half, alone),
+        None => select(values.iter().copied(), count / 2, alone),
     }
 }
 
@@ -82,12 +92,6 @@ kernel! {
     }
 }
 
-/// Returns the middle value, or the upper of the middle two; panics without values.
-pub fn upper_median(values: &mut [f64]) -> f64 {
-    let half = values.len() / 2;
-    *values.select_nth_unstable_by(half, f64::total_cmp).1
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -107,7 +111,10 @@ mod tests {
         for count in [0, 5, 5000, 20_001, 30_000] {
             for distinct in [1, 3, 1_000_003] {
                 let many: Vec<f64> = (0..count).map(|i| f64::from(i * 7919 % distinct)).collect();
-                assert_eq!(median_of_many(&many), median(many));
+                assert_eq!(median_of_many(&many), median(many.clone()));
+                let mut sorted = many.clone();
+                sorted.sort_unstable_by(f64::total_cmp);
+                assert_eq!(upper_median(&many).as_ref(), sorted.get(sorted.len() / 2));
             }
         }
         let rising: Vec<f64> = (0..9000).map(f64::from).collect();
@@ -115,7 +122,7 @@ mod tests {
         let step = rising.len() / SAMPLE;
         let hidden: Vec<f64> = (0..rising.len()).map(|i| f64::from(u8::from(i % step > 0))).collect();
         assert_eq!(median_of_many(&hidden), Some(1.0));
-        assert_eq!(upper_median(&mut [3.0, -1.0, 2.0]), 2.0);
-        assert_eq!(upper_median(&mut [4.0, -1.0, 2.0, 3.0]), 3.0);
+        assert_eq!(upper_median(&[3.0, -1.0, 2.0]), Some(2.0));
+        assert_eq!(upper_median(&[4.0, -1.0, 2.0, 3.0]), Some(3.0));
     }
 }

@@ -47,7 +47,7 @@ pub fn mend(
         }
         ahead
             .into_iter()
-            .map(|mut a| (!a.is_empty()).then(|| surroundings.is_behind(upper_median(&mut a))))
+            .map(|ahead| upper_median(&ahead).map(|middle| surroundings.is_behind(middle)))
             .collect()
     };
     let turn = |cut: &mut Image<bool>, found: &Blobs, judged: &[Option<bool>], when: bool, value: bool| {

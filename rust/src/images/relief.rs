@@ -3,7 +3,8 @@
 use crate::clouds::depth::has_return;
 use crate::geometry::cut_off;
 use crate::geometry::median::upper_median;
-use crate::simd::kernel;
+use crate::parallel;
+use crate::simd::{LANES, kernel};
 
 const MAX_PIXELS: usize = 4000; // pixels that the plane is fitted to at most
 const ROUNDS: usize = 6; // rounds of the plane's fit
@@ -34,36 +35,35 @@ impl Relief {
         high: [usize; 2],
         radius_px: f64,
     ) -> Option<Self> {
-        let seen: Vec<[f64; 3]> =
-            ropes.filter(|&[.., z]| has_return(z)).map(|[x, y, z]| [x, y, 1.0 / z]).collect();
+        let seen: Vec<[f64; 3]> = ropes.filter(|&[.., z]| has_return(z)).collect();
         if (seen.len() as f64) < MIN_AREA * radius_px * radius_px {
             return None;
         }
         let middle = [0, 1].map(|c| 0.5 * (low[c] + high[c]) as f64);
         let step = seen.len().div_ceil(MAX_PIXELS);
-        let some: Vec<[f64; 3]> = seen.iter().step_by(step).copied().collect();
+        let some: Vec<[f64; 3]> = seen.iter().step_by(step).map(|&[x, y, z]| [x, y, 1.0 / z]).collect();
         let plane = fit_plane(&some, middle, radius_px)?;
         let on = |x: f64, y: f64| plane[0] * (x - middle[0]) + plane[1] * (y - middle[1]) + plane[2];
         let cell = CELL * radius_px;
         let size = [0, 1].map(|c| ((high[c] - low[c]) as f64 / cell).ceil().max(1.0) as usize);
         let corner = low.map(|l| l as f64);
-        let mut rests: Vec<Vec<f64>> = vec![Vec::new(); size[0] * size[1]];
+        let mut own: Vec<Vec<f64>> = vec![Vec::new(); size[0] * size[1]];
         for &[x, y, w] in &some {
             let i = (cut_off((x - corner[0]) / cell) as usize).min(size[0] - 1);
             let j = (cut_off((y - corner[1]) / cell) as usize).min(size[1] - 1);
-            // also for the cells around it: pixels of other things are the minority there
-            for l in j.saturating_sub(1)..(j + 2).min(size[1]) {
-                for k in i.saturating_sub(1)..(i + 2).min(size[0]) {
-                    rests[l * size[0] + k].push(w - on(x, y));
-                }
-            }
+            own[j * size[0] + i].push(w - on(x, y));
         }
         let fewest = MIN_AREA * radius_px * radius_px / step as f64;
-        let rest: Vec<Option<f64>> = rests
-            .into_iter()
-            .map(|mut rest| (rest.len() as f64 >= fewest).then(|| upper_median(&mut rest)))
-            .collect();
-        let least = 0.1 * upper_median(&mut some.iter().map(|s| s[2]).collect::<Vec<_>>());
+        // also of the cells around a cell: pixels of other things are the minority there
+        let beside = |at: usize, count: usize| at.saturating_sub(1)..(at + 2).min(count);
+        let rest = parallel::map(&(0..own.len()).collect::<Vec<_>>(), |&cell| {
+            let (columns, rows) = (beside(cell % size[0], size[0]), beside(cell / size[0], size[1]));
+            let around: Vec<&[f64]> =
+                rows.flat_map(|row| &own[row * size[0]..][columns.clone()]).map(Vec::as_slice).collect();
+            let count: usize = around.iter().map(|cell| cell.len()).sum();
+            if count as f64 >= fewest { upper_median(&around.concat()) } else { None }
+        });
+        let least = 0.1 * upper_median(&some.iter().map(|s| s[2]).collect::<Vec<_>>())?;
         Some(Self { plane, middle, low: corner, cell, size, rest: fill(rest, size), least })
     }
 
@@ -133,36 +133,65 @@ kernel! {
 
 /// Fits a plane by least absolute residuals.
 fn fit_plane(seen: &[[f64; 3]], middle: [f64; 2], radius_px: f64) -> Option<[f64; 3]> {
-    let n = seen.len();
-    let mut weights = vec![1.0; n];
-    let mut found = [0.0; 3];
-    for _ in 0..ROUNDS {
-        let mut a = nalgebra::Matrix3::zeros();
-        let mut b = nalgebra::Vector3::zeros();
-        for (s, &weight) in seen.iter().zip(&weights) {
-            let row =
-                nalgebra::Vector3::new((s[0] - middle[0]) / radius_px, (s[1] - middle[1]) / radius_px, 1.0);
-            a += weight * row * row.transpose();
-            b += weight * s[2] * row;
-        }
-        // pixels on a line do not fix the slope across it
-        for k in 0..2 {
-            a[(k, k)] += 1e-6 * a[(2, 2)];
-        }
-        let x = a.cholesky()?.solve(&b);
-        found = [x[0] / radius_px, x[1] / radius_px, x[2]];
-        let rest: Vec<f64> = seen
-            .iter()
-            .map(|s| (s[2] - found[0] * (s[0] - middle[0]) - found[1] * (s[1] - middle[1]) - found[2]).abs())
-            .collect();
-        let scale = upper_median(&mut rest.clone()).max(1e-9);
-        for (weight, rest) in weights.iter_mut().zip(rest) {
-            *weight = 1.0 / rest.max(0.3 * scale);
-        }
-        let sum: f64 = weights.iter().sum::<f64>() / n as f64;
-        weights.iter_mut().for_each(|w| *w /= sum);
+    // whole registers of numbers; those beyond the pixels have no weight
+    let count = seen.len().next_multiple_of(LANES);
+    let mut pixels = [vec![0.0; count], vec![0.0; count], vec![0.0; count]];
+    for (n, s) in seen.iter().enumerate() {
+        pixels[0][n] = (s[0] - middle[0]) / radius_px;
+        pixels[1][n] = (s[1] - middle[1]) / radius_px;
+        pixels[2][n] = s[2];
     }
+    let mut weights = vec![0.0; count];
+    weights[..seen.len()].fill(1.0);
+    let mut rests = vec![0.0; count];
+    let mut plane = nalgebra::Vector3::zeros();
+    for _ in 0..ROUNDS {
+        let [xx, xy, yy, x, y, one, xw, yw, w] = sum_products(&pixels, &weights);
+        // pixels on a line do not fix the slope across it
+        let (xx, yy) = (xx + 1e-6 * one, yy + 1e-6 * one);
+        let matrix = nalgebra::Matrix3::new(xx, xy, x, xy, yy, y, x, y, one);
+        plane = matrix.cholesky()?.solve(&nalgebra::Vector3::new(xw, yw, w));
+        measure_rests(&pixels, plane.into(), &mut rests);
+        let scale = upper_median(&rests[..seen.len()])?.max(1e-9);
+        for (weight, rest) in weights.iter_mut().zip(&rests[..seen.len()]) {
+            *weight = scale / rest.max(0.3 * scale);
+        }
+    }
+    let found = [plane[0] / radius_px, plane[1] / radius_px, plane[2]];
     found.iter().all(|x| x.is_finite()).then_some(found)
+}
+
+kernel! {
+    /// Sums weighted products of pixels' columns, rows and 1/z: x², xy, y², x, y, 1, x/z, y/z and 1/z.
+    fn sum_products<S>(_, pixels: &[Vec<f64>; 3], weights: &[f64]) -> [f64; 9] {
+        let [x, y, w] = pixels.each_ref().map(|values| values.as_chunks::<LANES>().0);
+        let mut sums = [[0.0; LANES]; 9];
+        for (((x, y), w), weights) in x.iter().zip(y).zip(w).zip(weights.as_chunks::<LANES>().0) {
+            for l in 0..LANES {
+                let (across, down) = (weights[l] * x[l], weights[l] * y[l]);
+                sums[0][l] += across * x[l];
+                sums[1][l] += across * y[l];
+                sums[2][l] += down * y[l];
+                sums[3][l] += across;
+                sums[4][l] += down;
+                sums[5][l] += weights[l];
+                sums[6][l] += across * w[l];
+                sums[7][l] += down * w[l];
+                sums[8][l] += weights[l] * w[l];
+            }
+        }
+        sums.map(|sum| sum.iter().sum())
+    }
+}
+
+kernel! {
+    /// Measures how far 1/z of pixels is from a plane.
+    fn measure_rests<S>(_, pixels: &[Vec<f64>; 3], plane: [f64; 3], rests: &mut [f64]) {
+        let [x, y, w] = pixels;
+        for (((rest, x), y), w) in rests.iter_mut().zip(x).zip(y).zip(w) {
+            *rest = (w - plane[0] * x - plane[1] * y - plane[2]).abs();
+        }
+    }
 }
 
 /// Fills cells without a value from their neighbours, ring by ring.

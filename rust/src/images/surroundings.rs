@@ -7,8 +7,10 @@ use crate::clouds::depth::has_return;
 use crate::geometry::cut_off;
 use crate::geometry::median::{MEDIAN_TO_SD, upper_median};
 use crate::images::distances::measure_distances;
-use crate::images::image::{Image, find_blobs};
+use crate::images::image::{Image, find_blobs, find_runs};
 use crate::images::relief::Relief;
+use crate::parallel;
+use crate::simd::kernel;
 
 /// The depth at a place, relative to the ropes around it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,6 +35,7 @@ const MIN_AREA_UNSEEN: f64 = 9.0; // area of things without depth that hide rope
 const MAX_UNSEEN: f64 = 0.4; // share of places without depth beside the mask, above which these hide nothing
 const LEVEL: f64 = 1.5; // places up to this far behind the ropes' surface may be rope, radii
 const MIN_PLACES: usize = 20; // places beside the ropes at least that show the background
+const TOGETHER: usize = 32; // places that are compared together
 
 /// The pixels of ropes in an image.
 pub struct Ropes<'a> {
@@ -73,46 +76,79 @@ struct Limits {
 impl Limits {
     /// Derives limits from places on the ropes and beside them; None if no place on a rope has depth.
     fn new(rope: &[bool], away: &[f32], ahead: &[f64]) -> Option<Self> {
-        let on: Vec<f64> =
-            rope.iter().zip(ahead).filter(|(r, a)| **r && a.is_finite()).map(|(_, a)| *a).collect();
-        if on.is_empty() {
-            return None;
-        }
-        let noise = measure_spread(on).1;
-        let is_beside = |far: f32| f64::from(far) > BESIDE[0] && f64::from(far) < BESIDE[1];
-        let beside: Vec<f64> =
-            away.iter().zip(ahead).filter(|(far, _)| is_beside(**far)).map(|(_, a)| *a).collect();
+        let on = find_runs(rope).flat_map(|run| &ahead[run]).copied().filter(|a| a.is_finite());
+        let noise = measure_spread(on.collect())?.1;
+        let mut beside = Vec::new();
+        keep_beside(away, ahead, &mut beside);
         let unseen = beside.iter().filter(|a| a.is_nan()).count() as f64 / beside.len().max(1) as f64;
         let ground: Vec<f64> = beside.into_iter().filter(|a| *a < 0.5 * MIN_BEFORE).collect();
-        let behind =
-            (ground.len() >= MIN_PLACES).then(|| measure_spread(ground)).and_then(|(middle, wide)| {
+        let behind = (ground.len() >= MIN_PLACES).then(|| measure_spread(ground)).flatten().and_then(
+            |(middle, wide)| {
                 // midway, if depth separates the ropes from the background
                 let limit = (0.5 * middle).max(-LEVEL);
                 (middle < limit - wide && limit < -noise).then_some(limit)
-            });
+            },
+        );
         Some(Self { before: MIN_BEFORE.max(4.0 * noise), behind, far: -LEVEL - 2.0 * noise, unseen })
     }
 
-    fn shown(&self, ahead: f64) -> Shown {
-        if ahead.is_nan() {
-            Shown::Unknown
-        } else if ahead > self.before {
-            Shown::Before
-        } else if ahead < self.behind.unwrap_or(self.far) {
-            Shown::Behind
-        } else if self.behind.is_some() {
-            Shown::Level
-        } else {
-            Shown::Unknown
+    /// Tells what the camera shows at places of some heights.
+    fn judge(&self, ahead: &[f64], shown: &mut [Shown]) {
+        match self.behind {
+            Some(behind) => compare(ahead, [self.before, behind], Shown::Level, shown),
+            None => compare(ahead, [self.before, self.far], Shown::Unknown, shown),
         }
     }
 }
 
-/// Returns the median, and a robust standard deviation.
-fn measure_spread(mut values: Vec<f64>) -> (f64, f64) {
-    let middle = upper_median(&mut values);
+kernel! {
+    /// Compares heights with the limits of what is in front of the ropes and behind them; others are `between`.
+    fn compare<S>(_, ahead: &[f64], limits: [f64; 2], between: Shown, to: &mut [Shown]) {
+        let [before, behind] = limits;
+        for (to, &ahead) in to.iter_mut().zip(ahead) {
+            let seen = if ahead < behind { Shown::Behind } else { between };
+            let seen = if ahead > before { Shown::Before } else { seen };
+            *to = if ahead.is_nan() { Shown::Unknown } else { seen };
+        }
+    }
+}
+
+kernel! {
+    /// Adds the heights of places beside the ropes to others, given how far places are from the mask, image radii.
+    fn keep_beside<S>(_, away: &[f32], ahead: &[f64], kept: &mut Vec<f64>) {
+        let [near, distant] = BESIDE.map(|limit| limit as f32);
+        for (away, ahead) in away.chunks(TOGETHER).zip(ahead.chunks(TOGETHER)) {
+            let mut any = false;
+            for &far in away {
+                any |= (far > near) & (far < distant);
+            }
+            if any {
+                // a branch for each place would often be mispredicted
+                let (mut own, mut count) = ([0.0; TOGETHER], 0);
+                for (&far, &height) in away.iter().zip(ahead) {
+                    own[count] = height;
+                    count += usize::from((far > near) & (far < distant));
+                }
+                kept.extend_from_slice(&own[..count]);
+            }
+        }
+    }
+}
+
+/// Returns the median, and a robust standard deviation; None without values.
+fn measure_spread(mut values: Vec<f64>) -> Option<(f64, f64)> {
+    let middle = upper_median(&values)?;
     values.iter_mut().for_each(|value| *value = (*value - middle).abs());
-    (middle, MEDIAN_TO_SD * upper_median(&mut values))
+    Some((middle, MEDIAN_TO_SD * upper_median(&values)?))
+}
+
+kernel! {
+    /// Turns depths of the ropes' surface into its distances from seen depths, radii; NaN where there is no return.
+    fn turn_to_heights<S>(_, seen: &[f64], radius: f64, surface: &mut [f64]) {
+        for (surface, &z) in surface.iter_mut().zip(seen) {
+            *surface = if has_return(z) { (*surface - z) / radius } else { f64::NAN };
+        }
+    }
 }
 
 /// Lets large blobs of chosen places near the mask hide the ropes, makes other blobs unknown, and returns whether any
@@ -147,10 +183,6 @@ impl Surroundings {
         let &Ropes { mask: own, corner, radius_px } = ropes;
         let frame = [own.width, own.height];
         let first = corner.map(|c| c as isize);
-        let inside = |x: usize, y: usize| {
-            let (i, j) = (x.wrapping_add_signed(-first[0]), y.wrapping_add_signed(-first[1]));
-            i < frame[0] && j < frame[1] && own.at(i, j)
-        };
         let (reach, size) = (RANGE * radius_px, [width, depth.len() / width.max(1)]);
         let low = corner.map(|c| (c - reach).max(0.0) as usize);
         let high = [0, 1].map(|c| ((corner[c] + frame[c] as f64 + reach) as usize).min(size[c]));
@@ -158,15 +190,13 @@ impl Surroundings {
             let row = y.wrapping_add_signed(-first[1]);
             let own = if row < frame[1] { &own.values[row * frame[0]..][..frame[0]] } else { &[] };
             let (mask, depth) = (&mask[y * width..], &depth[y * width..]);
-            let columns = |value: usize| value.wrapping_add_signed(first[0]);
-            own.iter()
-                .enumerate()
-                .filter(|&(_, &own)| own)
-                .map(move |(k, _)| columns(k))
+            let columns = move |value: usize| value.wrapping_add_signed(first[0]);
+            find_runs(own)
+                .flatten()
+                .map(columns)
                 .filter(move |&x| (low[0]..high[0]).contains(&x) && mask[x])
                 .map(move |x| [x as f64, y as f64, depth[x]])
         });
-        let relief = Relief::new(ropes, low, high, radius_px)?;
         let cell = (CELL * radius_px).round().max(1.0);
         let step = cell as usize;
         let places = [0, 1].map(|c| -> Vec<usize> {
@@ -174,22 +204,38 @@ impl Surroundings {
         });
         let [columns, rows] = &places;
         let (w, h) = (columns.len(), rows.len());
-        let mut ahead = relief.depths(columns, rows);
         let mut rope = Image::filled(w, h, false);
-        for (n, &y) in rows.iter().enumerate() {
-            let own = ahead[n * w..].iter_mut().zip(&mut rope.values[n * w..]);
-            for ((ahead, rope), &x) in own.zip(columns) {
-                let z = depth[y * width + x];
-                *ahead = if has_return(z) { (*ahead - z) / radius } else { f64::NAN };
-                *rope = inside(x, y);
+        let [within, across] = [0, 1].map(|c| {
+            let is_before = |end: isize| places[c].partition_point(|&x| (x as isize) < end);
+            is_before(first[c])..is_before(first[c] + frame[c] as isize)
+        });
+        for n in across {
+            let own = &own.values[rows[n].wrapping_add_signed(-first[1]) * frame[0]..][..frame[0]];
+            let rope = &mut rope.values[n * w..][within.clone()];
+            for (rope, &x) in rope.iter_mut().zip(&columns[within.clone()]) {
+                *rope = own[x.wrapping_add_signed(-first[0])];
+            }
+        }
+        let (relief, mut away) = parallel::both(
+            || Relief::new(ropes, low, high, radius_px),
+            || measure_distances(&rope, false, (BESIDE[1] * radius_px / cell) as usize + 2),
+        );
+        let relief = relief?;
+        let mut ahead = relief.depths(columns, rows);
+        for (ahead, &y) in ahead.chunks_exact_mut(w.max(1)).zip(rows) {
+            let row = &depth[y * width..][..width];
+            if step == 1 {
+                turn_to_heights(&row[low[0]..high[0]], radius, ahead);
+            } else {
+                let seen: Vec<f64> = columns.iter().map(|&x| row[x]).collect();
+                turn_to_heights(&seen, radius, ahead);
             }
         }
         // distance from the mask, image radii
-        let mut away = measure_distances(&rope, false, (BESIDE[1] * radius_px / cell) as usize + 2);
         away.values.iter_mut().for_each(|far| *far *= (cell / radius_px) as f32);
         let limits = Limits::new(&rope.values, &away.values, &ahead)?;
-        let mut shown =
-            Image { width: w, height: h, values: ahead.iter().map(|&a| limits.shown(a)).collect() };
+        let mut shown = Image::filled(w, h, Shown::Unknown);
+        limits.judge(&ahead, &mut shown.values);
         let area = cell * cell / (radius_px * radius_px);
         let mut hides = keep_large(&mut shown, &away, |k| ahead[k] > limits.before, MIN_AREA / area);
         if limits.unseen < MAX_UNSEEN {

@@ -97,9 +97,9 @@ pub fn find(
         index.is_none() || camera.is_before(index, place(k)[2] - NEARER * r)
     };
     let hidden: Vec<bool> = (0..bins).map(is_hidden).collect();
-    let mut inside: Vec<f64> =
+    let inside: Vec<f64> =
         (0..bins).filter(|&k| middle(k) < -1.0 && raw[k] > 0.2 && !hidden[k]).map(|k| raw[k]).collect();
-    let usual = if inside.is_empty() { 1.0 } else { upper_median(&mut inside) };
+    let usual = upper_median(&inside).unwrap_or(1.0);
     let fill: Vec<f64> = raw.iter().map(|x| (x / usual.max(LEAST_FILL)).clamp(0.0, 1.0)).collect();
     let (first, last) = find_run(&fill, &hidden)?;
     let mut beyond = (middle(last) - 0.5 * BIN + fill[last] * BIN) * r;

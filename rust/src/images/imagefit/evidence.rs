@@ -84,8 +84,8 @@ impl Seen {
             append_directions(&self.places[chain.clone()], &mut self.spatial);
         }
         // the radius was measured at the mask's median depth
-        let mut depths: Vec<f64> = self.places.iter().map(|y| y[2]).collect();
-        let middle = upper_median(&mut depths);
+        let depths: Vec<f64> = self.places.iter().map(|y| y[2]).collect();
+        let middle = upper_median(&depths).unwrap_or(MIN_DEPTH);
         let radius_px = view.silhouette.radius_px;
         self.radii.clear();
         self.radii.extend(self.places.iter().map(|y| radius_px * middle / y[2]));

@@ -50,10 +50,7 @@ impl Prepared {
                 }
             }
         }
-        if seen.is_empty() {
-            return None;
-        }
-        let radius_px = pinhole.focal[0] * radius / upper_median(&mut seen);
+        let radius_px = pinhole.focal[0] * radius / upper_median(&seen)?;
         // no edge of a rope as wide as two images shows
         if radius_px > size[0].max(size[1]) as f64 {
             return None;

@@ -21,12 +21,11 @@ pub struct Scatter {
 /// Measures the spread of samples' depth residuals in some views, NaN where there is none; None if there are too few.
 pub fn measure_depth_scatter<'a>(views: impl Iterator<Item = &'a [f64]>, curves: &Curves) -> Option<Scatter> {
     let views: Vec<&[f64]> = views.collect();
-    let mut sizes: Vec<f64> =
-        views.iter().copied().flatten().map(|e| e.abs()).filter(|e| !e.is_nan()).collect();
+    let sizes: Vec<f64> = views.iter().copied().flatten().map(|e| e.abs()).filter(|e| !e.is_nan()).collect();
     if sizes.len() < MIN_COUNT {
         return None;
     }
-    let limit = OUTLIER * MEDIAN_TO_SD * upper_median(&mut sizes);
+    let limit = OUTLIER * MEDIAN_TO_SD * upper_median(&sizes)?;
     let mut sums = [(0.0, 0usize); LAGS + 1];
     for view in views.iter().filter(|view| !view.is_empty()) {
         for chain in &curves.chains {
@@ -58,11 +57,11 @@ pub fn measure_edge_scatter<'a>(errors: impl Iterator<Item = &'a f64>) -> Option
     if errors.len() < MIN_COUNT {
         return None;
     }
-    let middle = upper_median(&mut errors);
+    let middle = upper_median(&errors)?;
     for e in &mut errors {
         *e = (*e - middle).abs();
     }
-    Some(MEDIAN_TO_SD * upper_median(&mut errors))
+    upper_median(&errors).map(|middle| MEDIAN_TO_SD * middle)
 }
 
 #[cfg(test)]
