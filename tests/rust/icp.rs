@@ -293,7 +293,9 @@ fn pairs_that_are_kept_from_pose_to_pose_are_those_of_a_new_search() {
     let (mut dense, _) = hills(3000, 94);
     // more coincident points than are kept of a point's surroundings
     dense.extend(vec![dense[7]; 20]);
-    for (source, target) in [(&sparse, &dense), (&dense, &sparse)] {
+    // more points than stay in the cache of a core
+    let (large, _) = hills(9000, 96);
+    for (source, target) in [(&sparse, &dense), (&dense, &sparse), (&large, &dense)] {
         // many points have no partner in reach, and gain or lose one during the iterations
         for reach in [0.03, 0.3] {
             let limits =
