@@ -77,8 +77,8 @@ macro_rules! kernel {
 }
 pub(crate) use kernel;
 
-/// Asks the processor to fetch a value into its cache, where work on other values comes first. The value does not
-/// change, and nothing waits.
+/// Asks the processor to fetch a value into its cache, line by line from its start, where work on other values comes
+/// first. The value does not change, and nothing waits.
 #[inline(always)]
 pub fn prefetch<T>(value: &T) {
     #[cfg(target_arch = "x86_64")]

@@ -27,18 +27,14 @@ pub struct Relief {
 }
 
 impl Relief {
-    /// Fits the pixels of ropes, their columns, rows and depths row by row, in a range of columns and rows; None if too
-    /// few have depth.
-    pub fn new(
-        ropes: impl Iterator<Item = [f64; 3]>,
-        low: [usize; 2],
-        high: [usize; 2],
-        radius_px: f64,
-    ) -> Option<Self> {
+    /// Keeps the pixels of ropes with depth, given by their columns, rows and depths; None if they are too few.
+    pub fn keep_seen(ropes: impl Iterator<Item = [f64; 3]>, radius_px: f64) -> Option<Vec<[f64; 3]>> {
         let seen: Vec<[f64; 3]> = ropes.filter(|&[.., z]| has_return(z)).collect();
-        if (seen.len() as f64) < MIN_AREA * radius_px * radius_px {
-            return None;
-        }
+        (seen.len() as f64 >= MIN_AREA * radius_px * radius_px).then_some(seen)
+    }
+
+    /// Fits such pixels, row by row, in a range of columns and rows; None if they do not fix a plane.
+    pub fn new(seen: &[[f64; 3]], low: [usize; 2], high: [usize; 2], radius_px: f64) -> Option<Self> {
         let middle = [0, 1].map(|c| 0.5 * (low[c] + high[c]) as f64);
         let step = seen.len().div_ceil(MAX_PIXELS);
         let some: Vec<[f64; 3]> = seen.iter().step_by(step).map(|&[x, y, z]| [x, y, 1.0 / z]).collect();
@@ -56,12 +52,15 @@ impl Relief {
         let fewest = MIN_AREA * radius_px * radius_px / step as f64;
         // also of the cells around a cell: pixels of other things are the minority there
         let beside = |at: usize, count: usize| at.saturating_sub(1)..(at + 2).min(count);
-        let rest = parallel::map(&(0..own.len()).collect::<Vec<_>>(), |&cell| {
-            let (columns, rows) = (beside(cell % size[0], size[0]), beside(cell / size[0], size[1]));
-            let around: Vec<&[f64]> =
-                rows.flat_map(|row| &own[row * size[0]..][columns.clone()]).map(Vec::as_slice).collect();
-            let count: usize = around.iter().map(|cell| cell.len()).sum();
-            if count as f64 >= fewest { upper_median(&around.concat()) } else { None }
+        let rest = parallel::map(&(0..own.len()).collect::<Vec<_>>(), |&number| {
+            let (columns, rows) = (beside(number % size[0], size[0]), beside(number / size[0], size[1]));
+            let around = || rows.clone().flat_map(|row| &own[row * size[0]..][columns.clone()]);
+            let count: usize = around().map(Vec::len).sum();
+            if count as f64 >= fewest {
+                upper_median(&around().flatten().copied().collect::<Vec<_>>())
+            } else {
+                None
+            }
         });
         let least = 0.1 * upper_median(&some.iter().map(|s| s[2]).collect::<Vec<_>>())?;
         Some(Self { plane, middle, low: corner, cell, size, rest: fill(rest, size), least })

@@ -82,13 +82,12 @@ impl Limits {
         keep_beside(away, ahead, &mut beside);
         let unseen = beside.iter().filter(|a| a.is_nan()).count() as f64 / beside.len().max(1) as f64;
         let ground: Vec<f64> = beside.into_iter().filter(|a| *a < 0.5 * MIN_BEFORE).collect();
-        let behind = (ground.len() >= MIN_PLACES).then(|| measure_spread(ground)).flatten().and_then(
-            |(middle, wide)| {
-                // midway, if depth separates the ropes from the background
-                let limit = (0.5 * middle).max(-LEVEL);
-                (middle < limit - wide && limit < -noise).then_some(limit)
-            },
-        );
+        let spread = (ground.len() >= MIN_PLACES).then_some(ground).and_then(measure_spread);
+        let behind = spread.and_then(|(middle, wide)| {
+            // midway, if depth separates the ropes from the background
+            let limit = (0.5 * middle).max(-LEVEL);
+            (middle < limit - wide && limit < -noise).then_some(limit)
+        });
         Some(Self { before: MIN_BEFORE.max(4.0 * noise), behind, far: -LEVEL - 2.0 * noise, unseen })
     }
 
@@ -197,6 +196,7 @@ impl Surroundings {
                 .filter(move |&x| (low[0]..high[0]).contains(&x) && mask[x])
                 .map(move |x| [x as f64, y as f64, depth[x]])
         });
+        let seen = Relief::keep_seen(ropes, radius_px)?;
         let cell = (CELL * radius_px).round().max(1.0);
         let step = cell as usize;
         let places = [0, 1].map(|c| -> Vec<usize> {
@@ -206,8 +206,8 @@ impl Surroundings {
         let (w, h) = (columns.len(), rows.len());
         let mut rope = Image::filled(w, h, false);
         let [within, across] = [0, 1].map(|c| {
-            let is_before = |end: isize| places[c].partition_point(|&x| (x as isize) < end);
-            is_before(first[c])..is_before(first[c] + frame[c] as isize)
+            let count_before = |end: isize| places[c].partition_point(|&x| (x as isize) < end);
+            count_before(first[c])..count_before(first[c] + frame[c] as isize)
         });
         for n in across {
             let own = &own.values[rows[n].wrapping_add_signed(-first[1]) * frame[0]..][..frame[0]];
@@ -217,7 +217,7 @@ impl Surroundings {
             }
         }
         let (relief, mut away) = parallel::both(
-            || Relief::new(ropes, low, high, radius_px),
+            || Relief::new(&seen, low, high, radius_px),
             || measure_distances(&rope, false, (BESIDE[1] * radius_px / cell) as usize + 2),
         );
         let relief = relief?;

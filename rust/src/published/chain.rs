@@ -8,6 +8,8 @@ use crate::index::Grid;
 use crate::index::hierarchy::remaining::Remaining;
 use crate::parallel;
 
+const BASES_PER_SORTED: usize = 8; // bases for each one that is sorted before the next chains
+
 /// Traces chains of nodes through axis points, from both sides of a base point.
 ///
 /// At first every point is a target. From the base point on, all points within `near` (r_n) of the current node stop
@@ -64,7 +66,7 @@ pub fn trace_chains(points: &[Point], near: f64, far: f64, start: Option<usize>)
             break;
         }
         // the chains of the farthest take most of the others, which then need no order
-        let last = bases.len() / 8;
+        let last = bases.len() / BASES_PER_SORTED;
         bases.select_nth_unstable_by(last, farther);
         bases[..=last].sort_unstable_by(farther);
         for &base in &bases[..=last] {

@@ -173,12 +173,9 @@ fn index<'a>(camera: &Camera<'_>, seen: &'a Seen) -> Nearest<'a> {
 /// Returns the standard deviation of depth about the ropes, radii.
 fn measure_noise(matches: &[Match], radius: f64) -> f64 {
     let deep: Vec<f64> = matches.iter().filter(|m| m.weight > 0.0).map(|m| m.deep).collect();
-    if deep.len() <= 20 {
-        return 1.0;
-    }
-    let middle = upper_median(&deep).unwrap_or(0.0);
+    let Some(middle) = upper_median(&deep).filter(|_| deep.len() > 20) else { return 1.0 };
     let off: Vec<f64> = deep.iter().map(|d| (d - middle).abs()).collect();
-    (1.4826 * upper_median(&off).unwrap_or(0.0) / radius).clamp(LEAST_NOISE, MOST_NOISE)
+    upper_median(&off).map_or(1.0, |off| (1.4826 * off / radius).clamp(LEAST_NOISE, MOST_NOISE))
 }
 
 /// Tells whether depth is so precise that the image gives places along a rope.

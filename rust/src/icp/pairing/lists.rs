@@ -5,8 +5,9 @@ use crate::simd::{BATCH, Simd, Singles};
 pub const LISTED: usize = 8; // near target points that are kept for a source point, at most
 pub const NONE: u32 = u32::MAX; // stands for no target point
 
-/// Near target points of the lanes of a batch.
+/// Near target points of the lanes of a batch; registers of numbers begin with lines of the cache.
 #[derive(Clone, Copy)]
+#[repr(align(64))]
 pub struct List {
     pub rows: [Row; LISTED],
 }

@@ -31,7 +31,8 @@ pub struct Task {
     pub sums: [f64; TERMS],
 }
 
-/// Source points near each other.
+/// Source points near each other; registers of numbers begin with lines of the cache.
+#[repr(align(64))]
 pub struct Batch {
     pub count: usize,
     /// Source frame; lanes without a point repeat the first.
