@@ -58,6 +58,34 @@ fn a_bar_hides_and_a_table_shows() {
 }
 
 #[test]
+fn thin_ropes_at_the_border_are_judged_pixel_by_pixel() {
+    // two pixels wide, along the image's upper border
+    let on_rope = |k: usize| k / WIDTH < 2;
+    let mask: Vec<bool> = (0..WIDTH * HEIGHT).map(on_rope).collect();
+    let height = |k: usize| match k % WIDTH {
+        90..110 if !on_rope(k) => 0.05,
+        _ if on_rope(k) => 2.0 * RADIUS,
+        _ => 0.0,
+    };
+    let depth: Vec<f64> = (0..WIDTH * HEIGHT).map(|k| 0.5 - height(k)).collect();
+    let silhouette = Silhouette::of_rope(&mask, WIDTH, 1.0).unwrap();
+    let found = Surroundings::new(&depth, &mask, WIDTH, &silhouette.ropes(), RADIUS).unwrap();
+    for (place, shown) in [
+        ([50.0, 0.0], Shown::Level),
+        ([0.0, 1.0], Shown::Level),
+        ([(WIDTH - 1) as f64, 1.0], Shown::Level),
+        ([50.0, 4.0], Shown::Behind),
+        ([89.0, 3.0], Shown::Behind),
+        ([90.0, 3.0], Shown::Before),
+        ([109.0, 3.0], Shown::Before),
+        ([110.0, 3.0], Shown::Behind),
+        ([50.0, -3.0], Shown::Unknown),
+    ] {
+        assert_eq!(found.at(place), shown, "{place:?}");
+    }
+}
+
+#[test]
 fn what_has_no_depth_hides_where_most_of_the_surroundings_have() {
     let (mut depth, mut mask) = rope();
     for k in (0..WIDTH * HEIGHT).filter(|k| (80..120).contains(&(k % WIDTH))) {
