@@ -77,8 +77,11 @@ macro_rules! kernel {
 }
 pub(crate) use kernel;
 
-/// Asks the processor to fetch a value into its cache, line by line from its start, where work on other values comes
-/// first. The value does not change, and nothing waits.
+#[cfg(target_arch = "x86_64")]
+const CACHE_LINE: usize = 64; // bytes
+
+/// Asks the processor to fetch a value into its cache, line by line from its start, for use after other work. Nothing
+/// waits for the value, and it does not change.
 #[inline(always)]
 pub fn prefetch<T>(value: &T) {
     #[cfg(target_arch = "x86_64")]
@@ -103,9 +106,6 @@ pub enum Widest {
     Avx2(Avx2),
     Portable(Portable),
 }
-
-#[cfg(target_arch = "x86_64")]
-const CACHE_LINE: usize = 64; // bytes
 
 /// The widest set, as one of the numbers below. Numbers of sets that the processor lacks never appear.
 static WIDEST: AtomicU8 = AtomicU8::new(NOT_ASKED);

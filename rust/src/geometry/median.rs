@@ -49,6 +49,13 @@ pub fn upper_median(values: &[f64]) -> Option<f64> {
     select_middle(values, true)
 }
 
+/// Returns [`upper_median`], and a robust standard deviation about it; None without values.
+pub fn measure_spread(mut values: Vec<f64>) -> Option<(f64, f64)> {
+    let middle = upper_median(&values)?;
+    values.iter_mut().for_each(|value| *value = (*value - middle).abs());
+    Some((middle, MEDIAN_TO_SD * upper_median(&values)?))
+}
+
 /// Returns the value in the middle, or else the mean of it and the one before; None without values.
 fn select_middle(values: &[f64], alone: bool) -> Option<f64> {
     let count = values.len();
@@ -124,5 +131,7 @@ mod tests {
         assert_eq!(median_of_many(&hidden), Some(1.0));
         assert_eq!(upper_median(&[3.0, -1.0, 2.0]), Some(2.0));
         assert_eq!(upper_median(&[4.0, -1.0, 2.0, 3.0]), Some(3.0));
+        assert_eq!(measure_spread(vec![4.0, -1.0, 2.0, 3.0, 3.5]), Some((3.0, MEDIAN_TO_SD)));
+        assert_eq!(measure_spread(vec![]), None);
     }
 }

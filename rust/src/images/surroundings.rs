@@ -5,7 +5,7 @@
 
 use crate::clouds::depth::has_return;
 use crate::geometry::cut_off;
-use crate::geometry::median::{MEDIAN_TO_SD, upper_median};
+use crate::geometry::median::measure_spread;
 use crate::images::distances::measure_distances;
 use crate::images::image::{Image, find_blobs, find_runs};
 use crate::images::relief::Relief;
@@ -132,13 +132,6 @@ kernel! {
             }
         }
     }
-}
-
-/// Returns the median, and a robust standard deviation; None without values.
-fn measure_spread(mut values: Vec<f64>) -> Option<(f64, f64)> {
-    let middle = upper_median(&values)?;
-    values.iter_mut().for_each(|value| *value = (*value - middle).abs());
-    Some((middle, MEDIAN_TO_SD * upper_median(&values)?))
 }
 
 kernel! {

@@ -6,7 +6,7 @@ use super::slopes::Slopes;
 use super::view::{Samples, Seen};
 use crate::geometry::Point;
 use crate::geometry::advance;
-use crate::geometry::median::upper_median;
+use crate::geometry::median::measure_spread;
 
 const DEEP: f64 = 0.6; // weight of a difference of depth when pixels look for their sample
 const FIRST_GATE: f64 = 9.0; // radii: distance of a pixel from its sample in the first step
@@ -173,9 +173,8 @@ fn index<'a>(camera: &Camera<'_>, seen: &'a Seen) -> Nearest<'a> {
 /// Returns the standard deviation of depth about the ropes, radii.
 fn measure_noise(matches: &[Match], radius: f64) -> f64 {
     let deep: Vec<f64> = matches.iter().filter(|m| m.weight > 0.0).map(|m| m.deep).collect();
-    let Some(middle) = upper_median(&deep).filter(|_| deep.len() > 20) else { return 1.0 };
-    let off: Vec<f64> = deep.iter().map(|d| (d - middle).abs()).collect();
-    upper_median(&off).map_or(1.0, |off| (1.4826 * off / radius).clamp(LEAST_NOISE, MOST_NOISE))
+    let enough = (deep.len() > 20).then_some(deep);
+    enough.and_then(measure_spread).map_or(1.0, |(_, sd)| (sd / radius).clamp(LEAST_NOISE, MOST_NOISE))
 }
 
 /// Tells whether depth is so precise that the image gives places along a rope.

@@ -2,7 +2,7 @@
 
 use super::curves::Curves;
 use super::places::STEP;
-use crate::geometry::median::{MEDIAN_TO_SD, upper_median};
+use crate::geometry::median::{MEDIAN_TO_SD, measure_spread, upper_median};
 
 const LAGS: usize = 16; // largest distance over which residuals are compared, samples
 const MIN_CORRELATION: f64 = 0.1; // residuals with a smaller correlation count as independent
@@ -53,15 +53,11 @@ pub fn measure_depth_scatter<'a>(views: impl Iterator<Item = &'a [f64]>, curves:
 /// Measures the standard deviation of edges' residuals about their median; a mask that is too wide or too narrow errs
 /// equally on both sides of a rope. None if there are too few residuals.
 pub fn measure_edge_scatter<'a>(errors: impl Iterator<Item = &'a f64>) -> Option<f64> {
-    let mut errors: Vec<f64> = errors.copied().collect();
+    let errors: Vec<f64> = errors.copied().collect();
     if errors.len() < MIN_COUNT {
         return None;
     }
-    let middle = upper_median(&errors)?;
-    for e in &mut errors {
-        *e = (*e - middle).abs();
-    }
-    upper_median(&errors).map(|middle| MEDIAN_TO_SD * middle)
+    measure_spread(errors).map(|(_, sd)| sd)
 }
 
 #[cfg(test)]
