@@ -9,13 +9,15 @@ use pyo3::types::PyTuple;
 
 use super::arguments::{FloatArray, Points, number, require_same_length, wrong_shape};
 use super::arrays::{PointsArray, list, points_array};
-use super::released::released_if_many;
+use super::released::{released_if_long, released_if_many};
 use crate::error::Error;
 use crate::geometry::{Point, RigidMotion};
 use crate::queries::{self, Path, Place, Sweep};
 
-const POINTS_PER_ITEM: usize = 4; // points that take the time of one item
-const ITEMS_PER_BOX: usize = 16; // items of a moving box, which is examined at many times
+const PER_POINT: usize = 400; // time that a point takes about, nanoseconds
+const PER_RAY: usize = 100; // the same for a ray, nanoseconds
+const PER_SPHERE: usize = 1500; // the same for a moving sphere, nanoseconds
+const PER_BOX: usize = 30_000; // the same for a moving box, which is examined at many times, nanoseconds
 
 /// The tubes of several chains. They are built once; each query then takes microseconds.
 ///
@@ -88,10 +90,7 @@ impl TubeQueries {
     fn signed_distances<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let (py, queries) = (points.py(), self.queries.clone());
         let points = Points::new("points", points, "(N, 3)")?;
-        list(
-            py,
-            released_if_many(py, points.len() / POINTS_PER_ITEM, move || queries.signed_distances(&points))??,
-        )
+        list(py, released_if_long(py, PER_POINT * points.len(), move || queries.signed_distances(&points))??)
     }
 
     /// Return chain number, arc length and place on the axis of the nearest tube, and the distance from the axis; −1,
@@ -99,7 +98,7 @@ impl TubeQueries {
     fn nearest<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Nearest<'py>> {
         let (py, queries) = (points.py(), self.queries.clone());
         let points = Points::new("points", points, "(N, 3)")?;
-        let found = released_if_many(py, points.len() / POINTS_PER_ITEM, move || queries.nearest(&points))??;
+        let found = released_if_long(py, PER_POINT * points.len(), move || queries.nearest(&points))??;
         let distances =
             found.iter().map(|near| near.map_or(f64::INFINITY, |(_, distance)| distance)).collect();
         let found: Vec<Option<Place>> = found.iter().map(|near| near.map(|(place, _)| place)).collect();
@@ -118,9 +117,8 @@ impl TubeQueries {
         let (py, queries) = (origins.py(), self.queries.clone());
         let origins = Points::new("origins", origins, "(N, 3)")?;
         let directions = FloatArray::of_numbers("directions", directions)?.points("directions", "(N, 3)")?;
-        let found = released_if_many(py, origins.len() / POINTS_PER_ITEM, move || {
-            queries.ray_hits(&origins, &directions)
-        })??;
+        let nanoseconds = PER_RAY * origins.len();
+        let found = released_if_long(py, nanoseconds, move || queries.ray_hits(&origins, &directions))??;
         let distances = found.iter().map(|hit| hit.map_or(f64::INFINITY, |hit| hit.distance)).collect();
         let normals = found.iter().map(|hit| hit.map_or([f64::NAN; 3], |hit| hit.normal)).collect();
         let place: Vec<Option<Place>> = found.iter().map(|hit| hit.map(|hit| hit.place)).collect();
@@ -144,9 +142,9 @@ impl TubeQueries {
             [_] => radii.into_values(),
             other => return Err(wrong_shape("radius", "() or (N,)", other)),
         };
-        let effort = starts.len();
+        let nanoseconds = PER_SPHERE * starts.len();
         let work = move || queries.swept_spheres(&starts, &ends, &radii);
-        sweeps(py, &released_if_many(py, effort, work)??)
+        sweeps(py, &released_if_long(py, nanoseconds, work)??)
     }
 
     /// Return the same for boxes that move and turn from one pose to another.
@@ -163,9 +161,9 @@ impl TubeQueries {
             [3] => vec![[halves.slice()[0], halves.slice()[1], halves.slice()[2]]; starts.len()],
             _ => halves.points("half_sizes", "(3,) or (N, 3)")?.to_vec(),
         };
-        let effort = starts.len().saturating_mul(ITEMS_PER_BOX);
+        let nanoseconds = PER_BOX * starts.len();
         let work = move || queries.swept_boxes(&starts, &ends, &halves);
-        sweeps(py, &released_if_many(py, effort, work)??)
+        sweeps(py, &released_if_long(py, nanoseconds, work)??)
     }
 }
 

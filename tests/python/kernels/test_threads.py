@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import strand
+import strand._core as _core
 from shared.kernel_calls import ARRAYS, CALLS, CLOUDS, assert_same, call_kernel, list_arrays, make_lattice
 from strand import count_neighbors
 
@@ -192,6 +193,26 @@ def test_python_goes_on_while_a_short_call_waits_for_a_long_one(kernel):
     short.join()
     # with the interpreter locked while it waits, hardly any step could be taken
     assert steps >= 50
+
+
+def test_python_goes_on_while_a_query_waits_for_a_long_kernel():
+    points = np.random.default_rng(0).uniform(size=(200_000, 3))
+    rope = _core.TubeQueries([points[:100]], [np.arange(100.0)], [0.01])
+    long = threading.Thread(target=strand.estimate_normals, args=(points,), kwargs={"k": 200})
+    long.start()
+    time.sleep(0.05)
+    # on the main thread and on another
+    other = threading.Thread(target=rope.nearest, args=(points[:1000],))
+    other.start()
+    start = time.perf_counter()
+    rope.nearest(points[:1000])
+    taken = time.perf_counter() - start
+    steps = 0
+    while long.is_alive():
+        time.sleep(0.001)
+        steps += 1
+    other.join()
+    assert steps >= 50, f"the query took {taken:.3f} s"
 
 
 def forked_answers(queue):
