@@ -14,10 +14,10 @@ use crate::error::Error;
 use crate::geometry::{Point, RigidMotion};
 use crate::queries::{self, Path, Place, Sweep};
 
-const PER_POINT: usize = 400; // time that a point takes about, nanoseconds
-const PER_RAY: usize = 100; // the same for a ray, nanoseconds
-const PER_SPHERE: usize = 1500; // the same for a moving sphere, nanoseconds
-const PER_BOX: usize = 30_000; // the same for a moving box, which is examined at many times, nanoseconds
+const PER_POINT: usize = 400; // usual time of a point's query, nanoseconds
+const PER_RAY: usize = 100; // usual time of a ray, nanoseconds
+const PER_SPHERE: usize = 1500; // usual time of a moving sphere, nanoseconds
+const PER_BOX: usize = 30_000; // usual time of a moving box, which is examined at many times, nanoseconds
 
 /// The tubes of several chains. They are built once; each query then takes microseconds.
 ///

@@ -47,11 +47,11 @@ expected = strand.count_neighbors(small, 0.2)
 
 
 def interrupted(call):
-    # seconds from the time for the signal to the exception; None if the call ended before
+    # seconds from when the signal is due to the exception; None if the call ended before
     ended = threading.Event()
 
     def interrupt():
-        # a call that keeps the interpreter keeps this thread from sending it
+        # a call that keeps the interpreter locked delays this
         if not ended.wait(0.1):
             os.kill(os.getpid(), signal.SIGINT)
 

@@ -204,15 +204,14 @@ def test_python_goes_on_while_a_query_waits_for_a_long_kernel():
     # on the main thread and on another
     other = threading.Thread(target=rope.nearest, args=(points[:1000],))
     other.start()
-    start = time.perf_counter()
     rope.nearest(points[:1000])
-    taken = time.perf_counter() - start
     steps = 0
     while long.is_alive():
         time.sleep(0.001)
         steps += 1
     other.join()
-    assert steps >= 50, f"the query took {taken:.3f} s"
+    # with the interpreter locked while one of them waits, hardly any step could be taken
+    assert steps >= 50
 
 
 def forked_answers(queue):
