@@ -176,6 +176,16 @@ def test_python_goes_on_while_a_kernel_works():
     assert taken >= 5
 
 
+def assert_goes_on(thread):
+    """This thread goes on until another ends; the interpreter is not locked meanwhile."""
+    steps = 0
+    while thread.is_alive():
+        time.sleep(0.001)
+        steps += 1
+    # with the interpreter locked while a call waits, hardly any step could be taken
+    assert steps >= 50
+
+
 @pytest.mark.parametrize("kernel", [count_neighbors, strand.radius_outlier_mask])
 def test_python_goes_on_while_a_short_call_waits_for_a_long_one(kernel):
     many = np.random.default_rng(0).uniform(size=(60_000, 3))
@@ -186,13 +196,8 @@ def test_python_goes_on_while_a_short_call_waits_for_a_long_one(kernel):
     long.start()
     time.sleep(0.05)
     short.start()
-    steps = 0
-    while long.is_alive():
-        time.sleep(0.001)
-        steps += 1
+    assert_goes_on(long)
     short.join()
-    # with the interpreter locked while it waits, hardly any step could be taken
-    assert steps >= 50
 
 
 def test_python_goes_on_while_a_query_waits_for_a_long_kernel():
@@ -205,13 +210,8 @@ def test_python_goes_on_while_a_query_waits_for_a_long_kernel():
     other = threading.Thread(target=rope.nearest, args=(points[:1000],))
     other.start()
     rope.nearest(points[:1000])
-    steps = 0
-    while long.is_alive():
-        time.sleep(0.001)
-        steps += 1
+    assert_goes_on(long)
     other.join()
-    # with the interpreter locked while one of them waits, hardly any step could be taken
-    assert steps >= 50
 
 
 def forked_answers(queue):
